@@ -1,0 +1,228 @@
+# draped: garments at rest, over HTTP. `make help` lists what there is to make.
+
+SHELL   := /bin/bash
+FLAVOUR ?= release
+
+# ---- what is built from what ---------------------------------------------------------------
+
+# Objects of each flavour live apart, so flavours never mix; the release binaries land in build/.
+OBJ     := build/$(FLAVOUR)/obj
+BIN     := $(if $(filter release,$(FLAVOUR)),build,build/$(FLAVOUR))
+TBIN    := build/$(FLAVOUR)/tests
+
+SOLVER_SRC := $(wildcard solver/*.c)
+SERVER_SRC := $(filter-out server/main.c,$(wildcard server/*.c))
+CLIENT_SRC := $(filter-out client/main.c,$(wildcard client/*.c))
+SOLVER_OBJ := $(SOLVER_SRC:%.c=$(OBJ)/%.o)
+SERVER_OBJ := $(SERVER_SRC:%.c=$(OBJ)/%.o)
+CLIENT_OBJ := $(CLIENT_SRC:%.c=$(OBJ)/%.o)
+
+UNIT_SRC    := $(wildcard tests/solver/test_*.c tests/server/test_*.c tests/client/test_*.c)
+PHYSICS_SRC := $(wildcard tests/physics/test_*.c)
+TEST_SRC    := $(UNIT_SRC) $(PHYSICS_SRC)
+UNIT_TESTS  := $(UNIT_SRC:tests/%.c=$(TBIN)/%)
+TESTS       := $(TEST_SRC:tests/%.c=$(TBIN)/%)
+FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
+FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
+
+ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c
+ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
+
+# ---- compiler ------------------------------------------------------------------------------
+
+ifeq ($(origin CC),default)
+CC := gcc
+endif
+
+# Bugs that hide in silence: shadowed names, missing prototypes, lost qualifiers, implicit narrowing
+# of pointers, printf formats, fall-through.
+WARN := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
+        -Wcast-qual -Wwrite-strings -Wpointer-arith -Wformat=2 -Wvla -Wundef -Wimplicit-fallthrough
+# `make check` passes WERROR=1.
+WERROR ?=
+# FMA contraction is off so that the same source gives the same bytes from every compiler.
+CSTD := -std=c17 -D_GNU_SOURCE -ffp-contract=off -fno-math-errno
+
+SAN_release :=
+SAN_asan    := -fsanitize=address -fno-omit-frame-pointer
+SAN_ubsan   := -fsanitize=undefined -fno-sanitize-recover=all
+SAN_tsan    := -fsanitize=thread
+SAN_cover   := --coverage
+SAN_fuzz    := -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+OPT_release := -O2 -g
+OPT_asan    := -O1 -g
+OPT_ubsan   := -O1 -g
+OPT_tsan    := -O1 -g
+OPT_cover   := -O0 -g
+OPT_fuzz    := -O1 -g
+SAN := $(SAN_$(FLAVOUR))
+OPT := $(OPT_$(FLAVOUR))
+ifeq ($(OPT),)
+$(error FLAVOUR=$(FLAVOUR): take release, asan, ubsan, tsan, cover or fuzz)
+endif
+
+# Everything that asks pkg-config is expanded in a recipe only, after `make packages` has run.
+PKG = $(shell pkg-config --cflags $(1) 2>/dev/null)
+LIB = $(shell pkg-config --libs $(1) 2>/dev/null)
+CFLAGS  ?=
+LDFLAGS ?=
+ALLFLAGS = $(CSTD) $(OPT) $(SAN) $(WARN) $(if $(WERROR),-Werror) -MMD -MP -pthread $(CFLAGS)
+
+# OpenBLAS comes first: its own thread-count call must speak to the BLAS that CHOLMOD uses.
+# libgomp: the solver turns off the OpenMP nesting that CHOLMOD would use.
+SOLVER_LIBS = -lopenblas -lcholmod -lgomp -lm
+SERVER_LIBS = $(SOLVER_LIBS) $(call LIB,libmicrohttpd jansson sqlite3 libsodium libsystemd plplot) -lm
+CLIENT_LIBS = $(call LIB,libcurl jansson osmesa libpng) -lGLU -lm
+
+# Include paths by folder: who may see whose headers. The client sees nobody else's.
+SUITESPARSE       := -isystem /usr/include/suitesparse
+INC_solver         = -Isolver $(SUITESPARSE)
+INC_server         = -Iserver -Isolver $(call PKG,libmicrohttpd jansson sqlite3 libsodium libsystemd plplot)
+INC_client         = -Iclient $(call PKG,libcurl jansson osmesa libpng)
+INC_tests/solver   = -Itests $(INC_solver)
+INC_tests/physics  = -Itests -Isolver
+INC_tests/server   = -Itests $(INC_server)
+INC_tests/client   = -Itests $(INC_client)
+INC_tests/fuzz     = -Itests $(INC_server)
+INC_tests/api      =
+folder = $(patsubst %/,%,$(dir $(1)))
+
+# ---- the binaries --------------------------------------------------------------------------
+
+.PHONY: all
+all: $(BIN)/draped $(BIN)/drape ## build build/draped and build/drape (the default)
+
+$(OBJ)/%.o: %.c
+	@mkdir -p $(@D)
+	$(CC) $(ALLFLAGS) $(INC_$(call folder,$<)) -c $< -o $@
+
+# assets.c embeds it, which -MMD does not see.
+$(OBJ)/server/assets.o: server/openapi.json
+
+$(OBJ)/libdrape.a: $(SOLVER_OBJ)
+$(OBJ)/server.a: $(SERVER_OBJ)
+$(OBJ)/client.a: $(CLIENT_OBJ)
+$(OBJ)/%.a:
+	@mkdir -p $(@D)
+	@rm -f $@
+	ar rcs $@ $^
+
+LINK = @mkdir -p $(@D) && echo '$(CC) -o $@' && $(CC) $(OPT) $(SAN) -pthread $(LDFLAGS) -o $@ $^
+
+$(BIN)/draped: $(OBJ)/server/main.o $(OBJ)/server.a $(OBJ)/libdrape.a
+	$(LINK) $(SERVER_LIBS)
+
+$(BIN)/drape: $(OBJ)/client/main.o $(OBJ)/client.a
+	$(LINK) $(CLIENT_LIBS)
+
+# ---- the test programs ---------------------------------------------------------------------
+
+$(TBIN)/solver/%: $(OBJ)/tests/solver/%.o $(OBJ)/libdrape.a
+	$(LINK) $(SOLVER_LIBS) -lcmocka
+
+$(TBIN)/physics/%: $(OBJ)/tests/physics/%.o $(OBJ)/libdrape.a
+	$(LINK) $(SOLVER_LIBS) -lcmocka
+
+$(TBIN)/server/%: $(OBJ)/tests/server/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
+	$(LINK) $(SERVER_LIBS) -lcmocka
+
+$(TBIN)/client/%: $(OBJ)/tests/client/%.o $(OBJ)/client.a
+	$(LINK) $(CLIENT_LIBS) -lcmocka
+
+$(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
+	$(LINK) -fsanitize=fuzzer $(SERVER_LIBS)
+
+# What the API tests measure a drape with: shares no code with the solver.
+$(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
+	$(LINK) -lm
+
+.SECONDARY:
+
+.PHONY: tests unit-tests fuzzers
+tests: $(TESTS) $(TBIN)/api/measure ## build the unit and physics tests without running them
+unit-tests: $(UNIT_TESTS)
+fuzzers: $(FUZZERS)
+
+# ---- first run, and the whole test ---------------------------------------------------------
+
+# One job per processor unless the caller has said how many.
+JOBS = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc))
+
+.PHONY: packages
+packages: ## install the Debian packages that a build lacks (says which and why)
+	@tests/packages.sh build
+
+.PHONY: demo
+demo: ## drape a garment on a mannequin: GLB, picture and trace land in build/demo
+	@tests/packages.sh build
+	@$(MAKE) --no-print-directory $(JOBS) all
+	@tests/demo.sh
+
+.PHONY: check
+check: ## run every test; the last line is the count (CHECK="unit api" picks parts)
+	@tests/packages.sh check || { echo '0 passed, 1 failed'; exit 1; }
+	+@MAKE='$(MAKE) --no-print-directory $(JOBS) WERROR=1' tests/run.sh $(CHECK)
+
+.PHONY: asan ubsan tsan
+asan ubsan tsan: ## build that flavour and run its unit tests and the API smoke test
+	+@MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/run.sh $@
+
+.PHONY: cover
+cover: ## run the unit and physics tests with gcov; line coverage per file
+	@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=cover tests
+	@find build/cover -name '*.gcda' -delete
+	@status=0; for t in $(TEST_SRC:tests/%.c=build/cover/tests/%); do $$t >/dev/null 2>&1 || { echo "FAIL $$t"; status=1; }; done; \
+	 cd build/cover && gcov -n $$(find . -path '*/obj/s*' -name '*.gcda' -o -path '*/obj/client/*' -name '*.gcda') 2>/dev/null \
+	 | awk -F"[':% ]+" '/^File/ {f = $$2} /^Lines executed/ && f ~ /^(solver|server|client)\// {printf "%6.1f %%  of %5d  %s\n", $$3, $$5, f; f = ""}' | sort -k5; exit $$status
+
+FUZZ_RUNS    ?= 20000
+FUZZ_SECONDS ?= 600
+.PHONY: fuzz fuzz-long
+fuzz: ## run each fuzzer FUZZ_RUNS times (clang, ASan, UBSan)
+	+@FUZZ_RUNS=$(FUZZ_RUNS) MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/run.sh fuzz
+fuzz-long: ## run each fuzzer for FUZZ_SECONDS, growing its corpus in build/fuzz/corpus
+	@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=fuzz CC=clang fuzzers
+	@for f in $(FUZZ_SRC:tests/fuzz/%.c=%); do mkdir -p build/fuzz/corpus/$$f; \
+	 build/fuzz/tests/fuzz/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 \
+	   -artifact_prefix=build/fuzz/ build/fuzz/corpus/$$f $$(ls -d tests/fuzz/corpus/$$f 2>/dev/null) || exit 1; done
+
+# ---- upkeep --------------------------------------------------------------------------------
+
+.PHONY: format
+format: ## clang-format every C file in place
+	@tests/packages.sh upkeep
+	clang-format -i $(ALL_SRC) $(ALL_HDR)
+
+.PHONY: lint
+lint: compile_commands.json ## clang-tidy and cppcheck
+	clang-tidy --quiet -p . $(wildcard solver/*.c server/*.c client/*.c)
+	cppcheck --quiet --std=c11 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
+	  --suppress=missingIncludeSystem -D_GNU_SOURCE -Isolver -Iserver -Iclient solver server client
+
+# One entry per source, for clangd and clang-tidy; jq does the quoting.
+compile_commands.json: Makefile $(ALL_SRC) ## write the compilation database
+	@tests/packages.sh upkeep
+	@{ $(foreach s,$(ALL_SRC),printf '%s\t%s\n' '$(s)' '$(CC) $(CSTD) $(WARN) $(INC_$(call folder,$(s))) -c $(s)';) } \
+	 | jq -Rn --arg dir '$(CURDIR)' '[inputs / "\t" | {directory: $$dir, file: .[0], command: .[1]}]' > $@
+
+PREFIX  ?= /usr/local
+DESTDIR ?=
+UNITDIR ?= $(PREFIX)/lib/systemd/system
+.PHONY: install
+install: all ## install binaries, systemd unit and README (PREFIX, DESTDIR, UNITDIR)
+	install -D -m 755 build/draped $(DESTDIR)$(PREFIX)/bin/draped
+	install -D -m 755 build/drape $(DESTDIR)$(PREFIX)/bin/drape
+	install -D -m 644 README.md $(DESTDIR)$(PREFIX)/share/doc/draped/README.md
+	install -D -m 644 LICENSE $(DESTDIR)$(PREFIX)/share/doc/draped/LICENSE
+	install -d $(DESTDIR)$(UNITDIR)
+	sed -e 's|@bindir@|$(PREFIX)/bin|; s|@docdir@|$(PREFIX)/share/doc/draped|' systemd/draped.service > $(DESTDIR)$(UNITDIR)/draped.service
+
+.PHONY: clean
+clean: ## remove everything that make made
+	rm -rf build compile_commands.json
+
+.PHONY: help
+help: ## list the targets
+	@awk -F':.*## ' '/^[a-z][a-z_. -]*:.*## /{printf "  %-22s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+
+-include $(shell find build/$(FLAVOUR) -name '*.d' 2>/dev/null)

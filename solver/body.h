@@ -1,0 +1,45 @@
+/* body.h - a static obstacle as a signed distance: negative inside, smooth near the surface.
+ *
+ * Spheres, planes and capsules are exact (a capsule's curvature jumps where its caps begin; all else
+ * is C2 near the surface). A mesh becomes a grid of distances read through a tricubic B-spline, see
+ * field.h for what that resolves. Immutable once made; shareable by threads. */
+#ifndef DR_BODY_H
+#define DR_BODY_H
+
+#include "drape.h"
+
+struct dr_body;
+
+/* Distances above this are not resolved (m): dr_body_distance then returns false. Inside, the
+ * distance is resolved everywhere. */
+#define DR_BODY_REACH 0.03
+
+#define DR_BODY_MAX_OFFSET     0.02 /* m: well within reach */
+#define DR_BODY_MAX_COORDINATE 1e6  /* m, radii too: keeps every square and volume finite and exact enough */
+#define DR_BODY_MIN_TRIANGLES  4
+
+/* What can be refused cheaply, in O(n log n): kinds, shapes, offsets, indices, numbers that are not
+ * finite; and meshes that are not closed, not consistently oriented or inside out. A mesh may cross
+ * itself, have several pieces and triangles without area. `number` is the body's index in the scene. */
+drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *reterr);
+
+/* Checks, then builds. Meshes alone can fail after the check: DRAPE_EINVAL when too large for a
+ * distance field (field.h has the limits), DRAPE_ENOMEM. */
+drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body **ret, drape_error *reterr);
+struct dr_body *dr_body_free(struct dr_body *body); /* NULL is fine; returns NULL */
+
+/* Signed distance and its gradient at x. Returns false, leaving both untouched, when x is farther
+ * outside than DR_BODY_REACH or not finite. The gradient is the exact one of the distance returned,
+ * about a unit vector, with two exceptions. Outside, half-way between two near surfaces of a mesh, it
+ * falls smoothly to zero, as the balance of both should. Inside it is never zero: on the medial axis,
+ * where it would be shorter than 0.01, a unit vector along which the distance grows replaces it. */
+bool dr_body_distance(const struct dr_body *body, const double x[3], double *ret_phi, double ret_grad[3]);
+
+/* The least value of d.x over the body's points; -INFINITY for a plane unless d is its normal's
+ * opposite. Serves the slid-off verdict (d = up). */
+double dr_body_support_min(const struct dr_body *body, const double d[3]);
+
+double dr_body_offset(const struct dr_body *body);
+size_t dr_body_bytes(const struct dr_body *body);
+
+#endif

@@ -1,0 +1,292 @@
+/* contact.c - the penalty that keeps cloth off bodies, and the limit on how far a step may enter one. */
+#include "contact.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "error.h"
+
+struct dr_contact {
+    const struct dr_mesh *mesh;
+    struct dr_body **body; /* bodies; the array is ours, the bodies are not */
+    size_t bodies;
+    double *node_area; /* nodes: a third of each incident rest area, m^2 */
+};
+
+/* ---- made and freed -------------------------------------------------------------------------- */
+
+drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *body, size_t bodies,
+                            struct dr_contact **ret, drape_error *reterr)
+{
+    struct dr_contact *contact = calloc(1, sizeof *contact);
+    if (!contact)
+        return dr_out_of_memory(reterr);
+    contact->mesh = mesh;
+    contact->bodies = bodies;
+    contact->body = calloc(bodies ? bodies : 1, sizeof(struct dr_body *));
+    contact->node_area = calloc(mesh->nodes ? mesh->nodes : 1, sizeof *contact->node_area);
+    if (!contact->body || !contact->node_area) {
+        dr_contact_free(contact);
+        return dr_out_of_memory(reterr);
+    }
+    for (size_t b = 0; b < bodies; b++)
+        contact->body[b] = body[b];
+    for (size_t t = 0; t < mesh->triangles; t++)
+        for (int k = 0; k < 3; k++)
+            contact->node_area[mesh->triangle[3 * t + (size_t)k]] += mesh->area[t] / 3;
+    *ret = contact;
+    return DRAPE_OK;
+}
+
+struct dr_contact *dr_contact_free(struct dr_contact *contact)
+{
+    if (contact) {
+        free(contact->body);
+        free(contact->node_area);
+        free(contact);
+    }
+    return NULL;
+}
+
+size_t dr_contact_bytes(const struct dr_contact *contact)
+{
+    return sizeof *contact + contact->bodies * sizeof(struct dr_body *) +
+           contact->mesh->nodes * sizeof *contact->node_area;
+}
+
+/* ---- the penalty ----------------------------------------------------------------------------- */
+
+/* psi and its first two derivatives at one point against one body, times the sample's stiffness. */
+struct touch {
+    double energy, force, stiffness; /* J, N, N/m */
+    double n[3];                     /* gradient of the distance */
+};
+
+/* False when the point at x does not feel the body. `stiffness`: kappa times the sample's area, N/m. */
+static bool touch_body(const struct dr_body *body, const double x[3], double stiffness, struct touch *ret)
+{
+    double phi, offset = dr_body_offset(body), w = offset / 2;
+    if (!dr_body_distance(body, x, &phi, ret->n) || phi >= offset)
+        return false;
+    double s = offset - phi, e = s - w;
+    if (e < 0) {
+        ret->energy = stiffness * s * s * s / (6 * w);
+        ret->force = stiffness * s * s / (2 * w);
+        ret->stiffness = stiffness * s / w;
+    } else {
+        ret->energy = stiffness * (w * w / 6 + w * e / 2 + e * e / 2);
+        ret->force = stiffness * (w / 2 + e);
+        ret->stiffness = stiffness;
+    }
+    return true;
+}
+
+static double node_stiffness(const struct dr_contact *contact, size_t node)
+{
+    return DR_CONTACT_STIFFNESS * contact->node_area[node] / 2;
+}
+
+static double centroid_stiffness(const struct dr_contact *contact, size_t triangle)
+{
+    return DR_CONTACT_STIFFNESS * contact->mesh->area[triangle] / 2;
+}
+
+static void centroid(const uint32_t corner[3], const double *x, double ret[3])
+{
+    const double *a = x + 3 * (size_t)corner[0], *b = x + 3 * (size_t)corner[1],
+                 *c = x + 3 * (size_t)corner[2];
+    for (int d = 0; d < 3; d++)
+        ret[d] = (a[d] + b[d] + c[d]) / 3;
+}
+
+/* Energy of one sample against all bodies; its gradient is written to g. */
+static double sample_energy(const struct dr_contact *contact, const double x[3], double stiffness,
+                            double g[3])
+{
+    double energy = 0;
+    g[0] = g[1] = g[2] = 0;
+    for (size_t b = 0; b < contact->bodies; b++) {
+        struct touch touch;
+        if (!touch_body(contact->body[b], x, stiffness, &touch))
+            continue;
+        energy += touch.energy;
+        for (int d = 0; d < 3; d++)
+            g[d] -= touch.force * touch.n[d]; /* ds = -n.dx */
+    }
+    return energy;
+}
+
+double dr_contact_energy(const struct dr_contact *contact, const double *x, double *g)
+{
+    const struct dr_mesh *mesh = contact->mesh;
+    double energy = 0, sample[3], at[3];
+    for (size_t v = 0; v < mesh->nodes; v++) {
+        energy += sample_energy(contact, x + 3 * v, node_stiffness(contact, v), sample);
+        for (int d = 0; g && d < 3; d++)
+            g[3 * v + (size_t)d] += sample[d];
+    }
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const uint32_t *corner = mesh->triangle + 3 * t;
+        centroid(corner, x, at);
+        energy += sample_energy(contact, at, centroid_stiffness(contact, t), sample);
+        for (int k = 0; g && k < 3; k++)
+            for (int d = 0; d < 3; d++)
+                g[3 * (size_t)corner[k] + (size_t)d] += sample[d] / 3;
+    }
+    return energy;
+}
+
+/* Kept Hessian of one sample, kappa A psi'' n n' summed over the bodies, as the lower triangle xx, yx,
+ * yy, zx, zy, zz. False when it is zero. */
+static bool sample_hessian(const struct dr_contact *contact, const double x[3], double stiffness, double H[6])
+{
+    bool any = false;
+    memset(H, 0, 6 * sizeof *H);
+    for (size_t b = 0; b < contact->bodies; b++) {
+        struct touch touch;
+        if (!touch_body(contact->body[b], x, stiffness, &touch))
+            continue;
+        any = true;
+        for (int i = 0, entry = 0; i < 3; i++)
+            for (int j = 0; j <= i; j++)
+                H[entry++] += touch.stiffness * touch.n[i] * touch.n[j];
+    }
+    return any;
+}
+
+/* A centroid moves by a third of each corner's move: every pair of corners gets a ninth of H. */
+static void add_centroid(struct dr_matrix *A, size_t t, const double H[6])
+{
+    static const int entry[3][3] = {{0, 1, 3}, {1, 2, 4}, {3, 4, 5}};
+    double block[9][9];
+    for (int i = 0; i < 9; i++)
+        for (int j = 0; j < 9; j++)
+            block[i][j] = H[entry[i % 3][j % 3]] / 9;
+    dr_matrix_add_triangle(A, t, (const double(*)[9])block);
+}
+
+void dr_contact_hessian(const struct dr_contact *contact, const double *x, struct dr_matrix *A)
+{
+    const struct dr_mesh *mesh = contact->mesh;
+    double H[6], at[3];
+    for (size_t v = 0; v < mesh->nodes; v++)
+        if (sample_hessian(contact, x + 3 * v, node_stiffness(contact, v), H))
+            dr_matrix_add_node(A, (uint32_t)v, H);
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        centroid(mesh->triangle + 3 * t, x, at);
+        if (sample_hessian(contact, at, centroid_stiffness(contact, t), H))
+            add_centroid(A, t, H);
+    }
+}
+
+/* ---- the limit on a step --------------------------------------------------------------------- */
+
+/* A point of the path x + t w and the distance there; beyond reach the distance counts as the reach,
+ * which is less, and the gradient as zero. */
+struct stop {
+    double t, phi, grad[3];
+    double rise; /* of the distance along w, per unit of t */
+};
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static struct stop look(const struct dr_body *body, const double x[3], const double w[3], double t)
+{
+    struct stop stop = {.t = t, .phi = DR_BODY_REACH};
+    double at[3];
+    for (int d = 0; d < 3; d++) {
+        double move = t * w[d]; /* rounded as the caller's x + w will be */
+        at[d] = x[d] + move;
+    }
+    dr_body_distance(body, at, &stop.phi, stop.grad);
+    stop.rise = dot(stop.grad, w);
+    return stop;
+}
+
+/* Is a part of the body, or its medial axis, between the last stop outside and this one? Then the
+ * distance fell before and rises behind, and points the other way. (Between two bodies it is the
+ * reverse: it rises first.) */
+static bool crossed(const struct stop *outside, const struct stop *behind)
+{
+    return outside->rise < 0 && behind->rise > 0 && dot(outside->grad, behind->grad) < 0;
+}
+
+/* How much of the move w from x one body allows, of at most `limit`; both in parts of w. */
+static double walk(const struct dr_body *body, const double x[3], const double w[3], double limit,
+                   double depth)
+{
+    double length = sqrt(dot(w, w));
+    struct stop here = look(body, x, w, 0), outside = here;
+    bool was_outside = here.phi >= 0;
+    double lowest = fmin(here.phi, 0) - depth;
+    double step = fmax(here.phi - lowest - depth, depth / 2);
+    for (int n = 0; n < DR_CONTACT_MAX_WALK && here.t < limit; n++) {
+        struct stop next = look(body, x, w, fmin(here.t + step / length, limit));
+        bool might_cross = was_outside && step > here.phi; /* else no solid is that near */
+        if (next.phi >= lowest && !(might_cross && crossed(&outside, &next))) {
+            here = next;
+            if (here.phi >= 0) {
+                outside = here;
+                was_outside = true;
+                lowest = -depth;
+            }
+            step = fmax(here.phi - lowest - depth, depth / 2);
+        } else if (step > depth / 2) {
+            step = fmax(step / 2, depth / 2); /* the distance changed faster than the way */
+        } else {
+            break;
+        }
+    }
+    return here.t;
+}
+
+/* The same for all bodies. A body that cuts the move may end it between two stops of an earlier
+ * body's walk, which must then look at that end, too. */
+static double walk_all(const struct dr_contact *contact, const double x[3], const double w[3], double depth)
+{
+    double allowed = 1, before;
+    do {
+        before = allowed;
+        for (size_t b = 0; b < contact->bodies; b++)
+            allowed = walk(contact->body[b], x, w, allowed, depth);
+    } while (allowed < before && contact->bodies > 1);
+    return allowed;
+}
+
+size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double *w, double depth)
+{
+    size_t shortened = 0;
+    assert(depth > 0);
+    for (size_t v = 0; v < contact->mesh->nodes; v++) {
+        double *move = w + 3 * v;
+        if (move[0] == 0 && move[1] == 0 && move[2] == 0)
+            continue;
+        double allowed = walk_all(contact, x + 3 * v, move, depth);
+        if (allowed < 1) {
+            shortened++;
+            for (int d = 0; d < 3; d++)
+                move[d] *= allowed;
+        }
+    }
+    return shortened;
+}
+
+uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest)
+{
+    uint32_t inside = 0;
+    *ret_deepest = 0;
+    for (size_t v = 0; v < contact->mesh->nodes; v++) {
+        double depth = 0, phi, unused[3];
+        for (size_t b = 0; b < contact->bodies; b++)
+            if (dr_body_distance(contact->body[b], x + 3 * v, &phi, unused))
+                depth = fmax(depth, -phi);
+        inside += depth > 0;
+        *ret_deepest = fmax(*ret_deepest, depth);
+    }
+    return inside;
+}

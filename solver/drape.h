@@ -1,0 +1,288 @@
+/* drape.h - the public interface of libdrape: cloth at rest.
+ *
+ * Conventions, stated once:
+ *   - SI units: metres, kilograms, newtons, seconds, joules. Right-handed axes; the caller picks "up"
+ *     by choosing gravity (the default is y up).
+ *   - Positions are packed xyz doubles, pattern coordinates packed uv doubles (u weft, v warp).
+ *   - Indices are zero-based uint32_t; a triangle is three of them, counter-clockwise from outside.
+ *   - A drape_scene never changes once made and may be shared by any number of threads.
+ *     A drape_sim belongs to one thread at a time; only drape_sim_cancel may be called from others.
+ *   - Functions return a drape_status: 0 is fine, > 0 a result with a caveat, < 0 no result.
+ *     `ret` arguments are written on success (>= 0) only, `reterr` on failure (< 0) only; either
+ *     reterr may be NULL. Nothing here prints, exits, or reads files, the environment or the clock
+ *     other than CLOCK_MONOTONIC for the seconds it reports and the time limit.
+ *   - The same input gives the same bytes, whatever else the machine is doing (a time limit that
+ *     strikes is the one exception).
+ *
+ * Volino & Magnenat-Thalmann, "Stop-and-go cloth draping", The Visual Computer 2007, is cited below
+ * as [VMT07].
+ */
+#ifndef DRAPE_H
+#define DRAPE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct drape_scene drape_scene; /* what stays: mesh, material, bodies */
+typedef struct drape_sim drape_sim;     /* what moves: positions, velocities, workspace */
+
+/* ---- status and errors ------------------------------------------------------------------- */
+
+typedef enum drape_status {
+    DRAPE_OK = 0,
+    DRAPE_NOT_AT_REST = 1,  /* a budget was spent, or nothing can come to rest; best state is there */
+    DRAPE_CANCELLED = 2,    /* drape_sim_cancel or the progress callback; best state is there */
+    DRAPE_EINVAL = -1,      /* the input is wrong; the error says where */
+    DRAPE_ENOMEM = -2,
+    DRAPE_ENUMERIC = -3     /* a non-finite number or a factorisation that failed at every attempt */
+} drape_status;
+
+const char *drape_status_name(drape_status status); /* "not-at-rest"; stable, never NULL */
+
+/* Which array of the input an error speaks of; drape_error.element is the index into it. */
+typedef enum drape_place {
+    DRAPE_AT_NOWHERE = 0,
+    DRAPE_AT_VERTEX,            /* cloth vertex: its position */
+    DRAPE_AT_PATTERN,           /* cloth vertex: its pattern coordinates */
+    DRAPE_AT_TRIANGLE,          /* cloth triangle */
+    DRAPE_AT_SEAM,              /* seam pair */
+    DRAPE_AT_PIN,               /* entry of the pin list */
+    DRAPE_AT_MATERIAL,          /* material; `member` names the field */
+    DRAPE_AT_TRIANGLE_MATERIAL, /* entry of triangle_material */
+    DRAPE_AT_BODY,              /* body; `member` names the field, if any */
+    DRAPE_AT_BODY_VERTEX,       /* vertex of body number `body` */
+    DRAPE_AT_BODY_TRIANGLE,     /* triangle of body number `body` */
+    DRAPE_AT_SCENE,             /* a scalar of the scene; `member` names it */
+    DRAPE_AT_OPTION             /* a member of drape_options; `member` names it */
+} drape_place;
+
+typedef struct drape_error {
+    drape_status status;
+    drape_place place;
+    int64_t element;    /* index into the array of `place`; -1: none */
+    int64_t body;       /* body number for DRAPE_AT_BODY_*; -1: none */
+    const char *member; /* static string, the C member's name; NULL: none */
+    char message[160];  /* one line, no full stop, does not repeat the place */
+} drape_error;
+
+/* ---- the scene ------------------------------------------------------------------------------ */
+
+/* A fabric. Membrane: St. Venant-Kirchhoff on Green strain E, energy per rest area 1/2 e'De with
+ * e = (E_uu, E_vv, 2 E_uv); D11 = weft/(1-nu^2), D22 = warp/(1-nu^2), D12 = nu sqrt(weft warp)/(1-nu^2),
+ * D33 = shear, where nu = poisson is the geometric mean of the two Poisson ratios.
+ * Bending: plate rigidities on the curvatures (k_uu, k_vv, 2 k_uv): diag(weft, warp, twist). */
+typedef struct drape_material {
+    double density;      /* kg/m^2, > 0 */
+    double stretch_weft; /* N/m, > 0 */
+    double stretch_warp; /* N/m, > 0 */
+    double stretch_shear;/* N/m, > 0 */
+    double poisson;      /* (-1, 1) */
+    double bend_weft;    /* N m, >= 0 */
+    double bend_warp;    /* N m, >= 0 */
+    double bend_twist;   /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
+} drape_material;
+
+typedef enum drape_body_kind {
+    DRAPE_BODY_MESH = 0, /* closed triangle mesh, outward normals; a few self-crossings are fine */
+    DRAPE_BODY_SPHERE,
+    DRAPE_BODY_PLANE,    /* solid on the side away from the normal */
+    DRAPE_BODY_CAPSULE
+} drape_body_kind;
+
+/* A static, frictionless obstacle. Only the members of its kind are read. */
+typedef struct drape_body {
+    drape_body_kind kind;
+    double offset;            /* m, > 0: cloth starts to feel the body this far from its surface */
+    const double *positions;  /* MESH: 3*vertices */
+    const uint32_t *triangle; /* MESH: 3*triangles */
+    size_t vertices, triangles;
+    double point[3];          /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
+    double axis[3];           /* PLANE outward normal, any length > 0; CAPSULE the other end */
+    double radius;            /* SPHERE, CAPSULE: m, > 0 */
+} drape_body;
+
+/* All arrays are the caller's and are copied; none need outlive drape_scene_new. */
+typedef struct drape_scene_desc {
+    size_t vertices, triangles, seams, pins, materials, bodies;
+    const double *positions;           /* 3*vertices: the start */
+    const double *pattern;             /* 2*vertices: flat rest shape, m */
+    const uint32_t *triangle;          /* 3*triangles */
+    const uint32_t *seam;              /* 2*seams: vertices sewn together; NULL if none */
+    const uint32_t *pin;               /* pins: vertices held where they start; NULL if none */
+    const drape_material *material;    /* materials, at least one */
+    const uint32_t *triangle_material; /* triangles; NULL: material 0 everywhere */
+    const drape_body *body;            /* bodies; NULL if none */
+    double gravity[3];                 /* m/s^2 */
+} drape_scene_desc;
+
+/* A description with no arrays and the default gravity 0 -9.81 0. */
+drape_scene_desc drape_scene_desc_default(void);
+
+/* The distance at which a body is felt, unless the scene says otherwise (m). */
+#define DRAPE_DEFAULT_OFFSET 0.003
+
+/* Sizes past which a scene is refused (the arrays are indexed with 32 bits; see solver/scene.c). */
+#define DRAPE_MAX_VERTICES 1000000
+#define DRAPE_MAX_TRIANGLES 2000000
+#define DRAPE_MAX_BODIES 16
+
+/* Everything that drape_scene_new would refuse except what only building the bodies' distance
+ * fields can tell; costs O(input) time. For the border of a service. */
+drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr);
+
+/* Compiles the scene: welds, measures the rest shape, builds the bodies' distance fields (about a
+ * second for a mesh of 27 000 triangles). */
+drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr);
+drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL */
+
+/* ---- options -------------------------------------------------------------------------------- */
+
+typedef enum drape_method {
+    DRAPE_METHOD_AUTO = 0,    /* today: stop-and-go with the kinetic rule */
+    DRAPE_METHOD_STOP_AND_GO, /* [VMT07]: undamped dynamics, all velocities cut at each stop */
+    DRAPE_METHOD_DYNAMIC      /* plain dynamics, never stopped */
+} drape_method;
+
+typedef enum drape_stop_rule {
+    DRAPE_STOP_ON_POTENTIAL = 0, /* when the potential energy passes a minimum [VMT07] */
+    DRAPE_STOP_ON_KINETIC        /* when the kinetic energy passes a maximum [VMT07] */
+} drape_stop_rule;
+
+typedef struct drape_energies { /* joules */
+    double stretch, bend;
+    double gravity;   /* relative to the start */
+    double contact;
+    double kinetic;
+    double potential; /* stretch + bend + gravity + contact */
+} drape_energies;
+
+typedef enum drape_phase { DRAPE_PHASE_SEWING = 0, DRAPE_PHASE_DRAPING } drape_phase;
+
+/* One iteration; row 0 is the start (after sewing). One row of the trace. */
+typedef struct drape_row {
+    uint32_t iteration;
+    double seconds;           /* since drape_sim_run began, sewing included */
+    drape_energies energy;
+    double residual_energy;   /* J: an estimate of E - E*, half the Newton decrement 1/2 f'A^-1 f of the
+                               * step that left this state; see drape_report */
+    double residual_force;    /* max over free nodes of |f_i| / (mean node mass * |g|) */
+    bool stop;                /* all velocities were cut to zero at this state */
+    double time_step;         /* s */
+    uint32_t linear_iterations; /* back-solves of the step that led here */
+} drape_row;
+
+typedef struct drape_progress {
+    drape_phase phase;
+    drape_row row;           /* while sewing: iteration counts sewing steps, energies as far as known */
+    uint32_t stops;          /* so far */
+    double seam_gap;         /* m: largest distance between vertices of one seam; 0 once welded */
+} drape_progress;
+
+/* Runs on the solving thread after each iteration and must not call into the same sim except
+ * drape_sim_cancel. Nonzero cancels. */
+typedef int drape_progress_fn(const drape_progress *progress, void *data);
+
+typedef struct drape_options { /* start from drape_options_default() */
+    drape_method method;       /* DRAPE_METHOD_AUTO */
+    drape_stop_rule stop_on;   /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
+    double time_step;          /* s, [1e-6, 1e3]; 0.02 */
+    double tolerance;          /* at rest when residual_force <= tolerance, > 0; 1e-3 */
+    uint32_t max_iterations;   /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
+    double time_limit;         /* s of wall time, > 0; 120 */
+    drape_progress_fn *progress; /* may be NULL */
+    void *progress_data;
+} drape_options;
+
+#define DRAPE_MAX_ITERATIONS 100000
+
+drape_options drape_options_default(void);
+
+/* ---- solving -------------------------------------------------------------------------------- */
+
+/* `scene` must outlive the sim; `options` is copied. All memory the iterations need is allocated
+ * here or in the first iteration of each phase. */
+drape_status drape_sim_new(const drape_scene *scene, const drape_options *options, drape_sim **ret,
+                           drape_error *reterr);
+drape_sim *drape_sim_free(drape_sim *sim); /* NULL is fine; returns NULL */
+
+/* Sews, then drapes until rest or until a budget is spent. Call once. The calling thread's OpenMP
+ * nesting is switched off (CHOLMOD's own parallel regions made it six times slower). */
+drape_status drape_sim_run(drape_sim *sim, drape_error *reterr);
+
+/* Any thread, any time; a flag read once an iteration. */
+void drape_sim_cancel(drape_sim *sim);
+
+typedef enum drape_verdict {
+    DRAPE_VERDICT_NOT_AT_REST = 0,
+    DRAPE_VERDICT_AT_REST,
+    DRAPE_VERDICT_SLID_OFF,     /* a piece that nothing holds fell below every body */
+    DRAPE_VERDICT_INTERSECTING  /* a node ended deeper than 1 mm inside a body */
+} drape_verdict;
+
+const char *drape_verdict_name(drape_verdict verdict); /* "at-rest": the name the HTTP contract uses */
+
+/* One term of the compiled plan: what this scene needed, what it left out, and why. */
+typedef struct drape_term {
+    const char *name;   /* "stretch", "bend", "contact", "sewing", ... */
+    bool kept;
+    size_t bytes;       /* memory held by it; 0 when left out */
+    const char *reason; /* static string: "no body in the scene"; "" when kept */
+} drape_term;
+
+#define DRAPE_MAX_TERMS 16
+
+typedef struct drape_stage { /* where the seconds went */
+    const char *name;        /* "sew", "assemble", "factorise", ... */
+    double seconds;
+} drape_stage;
+
+#define DRAPE_MAX_STAGES 12
+
+/* Valid after drape_sim_run returned >= 0. Plain data, no pointers to free. */
+typedef struct drape_report {
+    drape_verdict verdict;
+    const char *reason;          /* static string: why it ended */
+    drape_method method;         /* the one that ran: never AUTO */
+    drape_stop_rule stop_on;     /* the rule that ran */
+    uint32_t iterations, stops, factorizations, solves;
+    uint32_t sewing_iterations;
+    double seam_gap;             /* m: largest gap left when the seams were welded; 0 without seams */
+    double seconds;
+    drape_row state;             /* the row of the state that drape_sim_positions returns */
+    uint32_t penetrations;       /* nodes inside a body (distance < 0) in that state */
+    double deepest;              /* m: depth of the deepest of them; 0 when none */
+    size_t nodes, free_nodes;    /* after welding */
+    size_t peak_bytes;           /* held by scene and sim together */
+    drape_term term[DRAPE_MAX_TERMS];
+    size_t terms;
+    drape_stage stage[DRAPE_MAX_STAGES];
+    size_t stages;
+} drape_report;
+
+const drape_report *drape_sim_report(const drape_sim *sim);        /* lives as long as the sim */
+const drape_row *drape_sim_trace(const drape_sim *sim, size_t *ret_rows);
+
+/* The best state (at rest: the last; else the lowest potential energy seen), in the job's own
+ * vertices and order: vertices of one seam share their position exactly. 3*vertices; valid until
+ * the sim is freed. With max_iterations 0, the start. */
+const double *drape_sim_positions(const drape_sim *sim, size_t *ret_vertices);
+
+/* ---- about the library ---------------------------------------------------------------------- */
+
+const char *drape_version(void); /* "0.1.0" */
+
+/* Sets the BLAS to one thread per caller, process-wide; call once before the first sim, from the
+ * main thread. Returns the name of the BLAS kernel in use, e.g. "Haswell" ("Prescott" on a modern
+ * machine means that the BLAS did not know it: set OPENBLAS_CORETYPE). Static string. */
+const char *drape_blas_prepare(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

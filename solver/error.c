@@ -1,0 +1,73 @@
+/* error.c - filling a caller's drape_error, and the names of statuses and verdicts. */
+#include "error.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+
+static void fill(drape_error *error, drape_status status, drape_place place, int64_t element, int64_t body,
+                 const char *member, const char *format, va_list args)
+{
+    if (!error)
+        return;
+    *error = (drape_error){.status = status, .place = place, .element = element, .body = body, .member = member};
+    vsnprintf(error->message, sizeof error->message, format, args);
+}
+
+drape_status dr_fail(drape_error *reterr, drape_status status, drape_place place, int64_t element,
+                     const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    fill(reterr, status, place, element, -1, NULL, format, args);
+    va_end(args);
+    return status;
+}
+
+drape_status dr_fail_at(drape_error *reterr, drape_status status, drape_place place, int64_t element,
+                        int64_t body, const char *member, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    fill(reterr, status, place, element, body, member, format, args);
+    va_end(args);
+    return status;
+}
+
+drape_status dr_out_of_memory(drape_error *reterr)
+{
+    return dr_fail(reterr, DRAPE_ENOMEM, DRAPE_AT_NOWHERE, -1, "out of memory");
+}
+
+const char *drape_status_name(drape_status status)
+{
+    switch (status) {
+    case DRAPE_OK:
+        return "ok";
+    case DRAPE_NOT_AT_REST:
+        return "not-at-rest";
+    case DRAPE_CANCELLED:
+        return "cancelled";
+    case DRAPE_EINVAL:
+        return "invalid";
+    case DRAPE_ENOMEM:
+        return "out-of-memory";
+    case DRAPE_ENUMERIC:
+        return "numeric";
+    }
+    return "unknown";
+}
+
+const char *drape_verdict_name(drape_verdict verdict)
+{
+    switch (verdict) {
+    case DRAPE_VERDICT_NOT_AT_REST:
+        return "not-at-rest";
+    case DRAPE_VERDICT_AT_REST:
+        return "at-rest";
+    case DRAPE_VERDICT_SLID_OFF:
+        return "slid-off";
+    case DRAPE_VERDICT_INTERSECTING:
+        return "intersecting";
+    }
+    return "unknown";
+}

@@ -1,0 +1,504 @@
+/* field_build.c - from a closed mesh to its distance field.
+ *
+ *   1. place    a grid around the mesh; all that follows is in node units (spacing 1)
+ *   2. inside   winding numbers along the grid lines
+ *   3. mark     the blocks within reach of the surface, and those with a node inside
+ *   4. splat    exact distances from each triangle to the nodes within SPLAT of it
+ *   5. spread   nearest triangles from node to node, over all that is left
+ *   6. finish   square roots, signs, metres
+ *
+ * Steps 1 to 3 tell what the field will cost; too much, and they start again with a wider spacing. */
+#include "field.h"
+
+#include <assert.h>
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "error.h"
+#include "winding.h"
+
+#define SPLAT       2.5 /* nodes: distances are exact this far from the surface */
+#define STENCIL     3.5 /* nodes: no node of a 4x4x4 stencil is farther from the point it serves */
+#define NO_TRIANGLE UINT32_MAX
+
+/* A triangle a + v ab + w ac, with the dot products that the closest point needs. */
+struct facet {
+    double a[3], ab[3], ac[3];
+    double bb, bc, cc;      /* ab.ab, ab.ac, ac.ac */
+    double low[3], high[3]; /* bounding box */
+};
+
+struct builder {
+    const uint32_t *triangle;
+    size_t triangles, vertices;
+    struct dr_field *field; /* under construction */
+    double *point;          /* 3*vertices, node units */
+    struct facet *facet;    /* triangles, node units */
+    struct dr_run *run;     /* runs of inside nodes */
+    size_t runs;
+    double band;       /* nodes: outside distances matter up to here */
+    uint32_t *place;   /* field->blocks: index of the block in the table */
+    uint32_t *nearest; /* nodes: triangle; NO_TRIANGLE: none yet */
+    size_t work;       /* point-triangle distances of this pass, done or foreseen */
+};
+
+/* ---- the distance to a triangle -------------------------------------------------------------- */
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void facet_init(struct facet *f, const double *a, const double *b, const double *c)
+{
+    for (int d = 0; d < 3; d++) {
+        f->a[d] = a[d];
+        f->ab[d] = b[d] - a[d];
+        f->ac[d] = c[d] - a[d];
+        f->low[d] = fmin(a[d], fmin(b[d], c[d]));
+        f->high[d] = fmax(a[d], fmax(b[d], c[d]));
+    }
+    f->bb = dot(f->ab, f->ab);
+    f->bc = dot(f->ab, f->ac);
+    f->cc = dot(f->ac, f->ac);
+}
+
+static double ratio(double part, double whole)
+{
+    return whole > 0 ? part / whole : 0; /* a collapsed edge or triangle */
+}
+
+/* Squared distance from p. The closest point is found by Voronoi region (Ericson, Real-Time Collision
+ * Detection, 5.1.5), with b and c measured from a, so that only two dot products are new. */
+static double facet_square(const struct facet *f, const double p[3])
+{
+    double ap[3] = {p[0] - f->a[0], p[1] - f->a[1], p[2] - f->a[2]}, v, w;
+    double a1 = dot(f->ab, ap), a2 = dot(f->ac, ap); /* p - a against the two edges */
+    double b1 = a1 - f->bb, b2 = a2 - f->bc;         /* p - b */
+    double c1 = a1 - f->bc, c2 = a2 - f->cc;         /* p - c */
+    double in_c = a1 * b2 - b1 * a2, in_b = c1 * a2 - a1 * c2, in_a = b1 * c2 - c1 * b2;
+    if (a1 <= 0 && a2 <= 0) {
+        v = w = 0;
+    } else if (b1 >= 0 && b2 <= b1) {
+        v = 1;
+        w = 0;
+    } else if (c2 >= 0 && c1 <= c2) {
+        v = 0;
+        w = 1;
+    } else if (in_c <= 0 && a1 >= 0 && b1 <= 0) {
+        v = ratio(a1, a1 - b1);
+        w = 0;
+    } else if (in_b <= 0 && a2 >= 0 && c2 <= 0) {
+        v = 0;
+        w = ratio(a2, a2 - c2);
+    } else if (in_a <= 0 && b2 >= b1 && c1 >= c2) {
+        w = ratio(b2 - b1, (b2 - b1) + (c1 - c2));
+        v = 1 - w;
+    } else {
+        v = ratio(in_b, in_a + in_b + in_c);
+        w = ratio(in_c, in_a + in_b + in_c);
+    }
+    double square = 0;
+    for (int d = 0; d < 3; d++) {
+        double gap = ap[d] - v * f->ab[d] - w * f->ac[d];
+        square += gap * gap;
+    }
+    return square;
+}
+
+/* ---- 1. place -------------------------------------------------------------------------------- */
+
+/* Puts the grid around the mesh; false when its table would break the limit. The margin leaves the
+ * outermost layer of blocks farther than the band from the mesh. The odd fractions keep grid lines
+ * off the round coordinates that meshes like. */
+static bool place_grid(struct builder *b, const double low[3], const double high[3], double spacing)
+{
+    static const double fraction[3] = {0.413, 0.271, 0.339};
+    struct dr_field *field = b->field;
+    double blocks = 1;
+    field->spacing = spacing;
+    b->band = field->reach / spacing + STENCIL;
+    double margin = ceil(b->band) + DR_BLOCK + 1;
+    for (int d = 0; d < 3; d++) {
+        field->origin[d] = low[d] - (margin + fraction[d]) * spacing;
+        double nodes = (high[d] - low[d]) / spacing + 2 * margin + 1;
+        double side = ceil(nodes / DR_BLOCK);
+        blocks *= side;
+        if (!(blocks <= DR_FIELD_MAX_TABLE))
+            return false;
+        field->side[d] = (uint32_t)side;
+    }
+    return true;
+}
+
+static void measure_box(const double *positions, size_t vertices, double low[3], double high[3])
+{
+    for (int d = 0; d < 3; d++) {
+        low[d] = INFINITY;
+        high[d] = -INFINITY;
+        for (size_t v = 0; v < vertices; v++) {
+            low[d] = fmin(low[d], positions[3 * v + d]);
+            high[d] = fmax(high[d], positions[3 * v + d]);
+        }
+    }
+}
+
+static void scale_mesh(struct builder *b, const double *positions)
+{
+    for (size_t i = 0; i < 3 * b->vertices; i++)
+        b->point[i] = (positions[i] - b->field->origin[i % 3]) / b->field->spacing;
+    for (size_t t = 0; t < b->triangles; t++) {
+        const uint32_t *corner = b->triangle + 3 * t;
+        facet_init(b->facet + t, b->point + 3 * (size_t)corner[0], b->point + 3 * (size_t)corner[1],
+                   b->point + 3 * (size_t)corner[2]);
+    }
+}
+
+/* ---- 3. mark --------------------------------------------------------------------------------- */
+
+static size_t table_index(const struct dr_field *field, uint32_t i, uint32_t j, uint32_t k)
+{
+    return ((size_t)k * field->side[1] + j) * field->side[0] + i;
+}
+
+/* A box of blocks, both ends included. */
+struct block_box {
+    uint32_t low[3], high[3];
+};
+
+typedef void block_visitor(struct builder *b, uint32_t triangle, const uint32_t block[3]);
+
+/* Visits the blocks of the box that have nodes within `band` of triangle t, and perhaps a few more:
+ * halves the box until it is one block or its bounding sphere is out of the band. */
+static void visit_near_blocks(struct builder *b, uint32_t t, struct block_box box, double band,
+                              block_visitor *visit)
+{
+    double centre[3], half[3];
+    int longest = 0;
+    for (int d = 0; d < 3; d++) {
+        double first = (double)DR_BLOCK * box.low[d], last = (double)DR_BLOCK * box.high[d] + DR_BLOCK - 1;
+        centre[d] = (first + last) / 2;
+        half[d] = (last - first) / 2;
+        if (half[d] > half[longest])
+            longest = d;
+    }
+    double far = band + sqrt(dot(half, half));
+    b->work++;
+    if (facet_square(b->facet + t, centre) > far * far)
+        return;
+    if (box.low[longest] == box.high[longest]) {
+        visit(b, t, box.low);
+        return;
+    }
+    struct block_box upper = box;
+    uint32_t middle = box.low[longest] + (box.high[longest] - box.low[longest]) / 2;
+    box.high[longest] = middle;
+    upper.low[longest] = middle + 1;
+    visit_near_blocks(b, t, box, band, visit);
+    visit_near_blocks(b, t, upper, band, visit);
+}
+
+/* Visits, for every triangle, the blocks within `band` of it; false when that is too much work. */
+static bool visit_surface(struct builder *b, double band, block_visitor *visit)
+{
+    for (uint32_t t = 0; t < b->triangles; t++) {
+        struct block_box box;
+        for (int d = 0; d < 3; d++) {
+            box.low[d] = (uint32_t)(b->facet[t].low[d] - band) / DR_BLOCK;
+            box.high[d] = (uint32_t)(b->facet[t].high[d] + band) / DR_BLOCK;
+        }
+        visit_near_blocks(b, t, box, band, visit);
+        if (b->work > DR_FIELD_MAX_WORK)
+            return false;
+    }
+    return true;
+}
+
+/* The nodes of one block that lie within SPLAT of a triangle's bounding box: from .. to-1. */
+struct node_box {
+    uint32_t from[3], to[3];
+};
+
+static struct node_box splat_box(const struct facet *f, const uint32_t block[3])
+{
+    struct node_box box;
+    for (int d = 0; d < 3; d++) {
+        double first = (double)DR_BLOCK * block[d];
+        box.from[d] = (uint32_t)fmax(first, ceil(f->low[d] - SPLAT));
+        box.to[d] = (uint32_t)fmin(first + DR_BLOCK, floor(f->high[d] + SPLAT) + 1);
+    }
+    return box;
+}
+
+/* Marks the block, and counts what step 4 will have to do there. */
+static void mark_block(struct builder *b, uint32_t t, const uint32_t block[3])
+{
+    struct node_box box = splat_box(b->facet + t, block);
+    size_t nodes = 1;
+    for (int d = 0; d < 3; d++)
+        nodes *= box.to[d] > box.from[d] ? box.to[d] - box.from[d] : 0;
+    b->work += nodes;
+    b->field->table[table_index(b->field, block[0], block[1], block[2])] = 1;
+}
+
+/* Marks the blocks that the field needs and numbers them; false when they are too many. */
+static bool mark_blocks(struct builder *b)
+{
+    struct dr_field *field = b->field;
+    if (!visit_surface(b, b->band, mark_block))
+        return false;
+    for (size_t r = 0; r < b->runs; r++) {
+        const struct dr_run *run = b->run + r;
+        for (uint32_t i = run->from / DR_BLOCK; i <= (run->to - 1) / DR_BLOCK; i++)
+            field->table[table_index(field, i, run->j / DR_BLOCK, run->k / DR_BLOCK)] = 1;
+    }
+    size_t table = table_index(field, 0, 0, field->side[2]);
+    field->blocks = 1; /* the far block */
+    for (size_t i = 0; i < table; i++)
+        if (field->table[i])
+            field->table[i] = (uint32_t)field->blocks++;
+    return field->blocks <= DR_FIELD_MAX_BLOCKS;
+}
+
+/* Steps 1 to 3 at one spacing. *ret_fits: within the limits. */
+static drape_status try_spacing(struct builder *b, const double *positions, const double low[3],
+                                const double high[3], double spacing, bool *ret_fits, drape_error *reterr)
+{
+    struct dr_field *field = b->field;
+    *ret_fits = false;
+    b->work = 0;
+    free(b->run);
+    free(field->table);
+    b->run = NULL;
+    field->table = NULL;
+    if (!place_grid(b, low, high, spacing))
+        return DRAPE_OK;
+    scale_mesh(b, positions);
+    struct dr_run *run = NULL;
+    size_t runs = 0, work = 0;
+    drape_status status =
+        dr_winding_runs(b->point, b->triangle, b->triangles, DR_FIELD_MAX_WORK, &work, &run, &runs, reterr);
+    if (status < 0 || !run)
+        return status;
+    b->run = run;
+    b->runs = runs;
+    b->work = work;
+    field->table = calloc(table_index(field, 0, 0, field->side[2]), sizeof *field->table);
+    if (!field->table)
+        return dr_out_of_memory(reterr);
+    *ret_fits = mark_blocks(b);
+    return DRAPE_OK;
+}
+
+static drape_status choose_spacing(struct builder *b, const double *positions, int64_t number,
+                                   drape_error *reterr)
+{
+    double low[3], high[3];
+    bool fits = false;
+    measure_box(positions, b->vertices, low, high);
+    for (double spacing = DR_FIELD_FINEST; spacing < 1.001 * DR_FIELD_COARSEST && !fits; spacing *= sqrt(2)) {
+        drape_status status = try_spacing(b, positions, low, high, spacing, &fits, reterr);
+        if (status < 0)
+            return status;
+    }
+    if (!fits)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, NULL,
+                          "too large for a distance field: %.3g x %.3g x %.3g m even at %g mm between nodes",
+                          high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e3 * DR_FIELD_COARSEST);
+    return DRAPE_OK;
+}
+
+/* ---- 4. splat -------------------------------------------------------------------------------- */
+
+/* Squared distances to start from: outside nothing beyond the band matters, inside everything does. */
+static bool allocate_nodes(struct builder *b)
+{
+    struct dr_field *field = b->field;
+    size_t nodes = field->blocks * DR_BLOCK_NODES;
+    b->nearest = malloc(nodes * sizeof *b->nearest);
+    b->place = malloc(field->blocks * sizeof *b->place);
+    field->value = malloc(nodes * sizeof *field->value);
+    if (!b->nearest || !b->place || !field->value)
+        return false;
+    for (size_t n = 0; n < nodes; n++) {
+        b->nearest[n] = NO_TRIANGLE;
+        field->value[n] = (float)(b->band * b->band);
+    }
+    for (size_t i = 0, table = table_index(field, 0, 0, field->side[2]); i < table; i++)
+        b->place[field->table[i]] = (uint32_t)i; /* whatever lands in the far block's entry is not used */
+    return true;
+}
+
+static size_t node_index(const struct dr_field *field, uint32_t i, uint32_t j, uint32_t k)
+{
+    size_t block = field->table[table_index(field, i / DR_BLOCK, j / DR_BLOCK, k / DR_BLOCK)];
+    size_t local = ((size_t)(k % DR_BLOCK) * DR_BLOCK + j % DR_BLOCK) * DR_BLOCK + i % DR_BLOCK;
+    return block * DR_BLOCK_NODES + local;
+}
+
+/* Applies `change` to the values of all inside nodes. */
+static void change_inside(struct builder *b, float (*change)(float))
+{
+    for (size_t r = 0; r < b->runs; r++) {
+        for (uint32_t i = b->run[r].from; i < b->run[r].to; i++) {
+            float *value = b->field->value + node_index(b->field, i, b->run[r].j, b->run[r].k);
+            *value = change(*value);
+        }
+    }
+}
+
+static float unbounded(float value)
+{
+    (void)value;
+    return FLT_MAX;
+}
+
+static float negated(float value)
+{
+    return -value;
+}
+
+/* Offers triangle t to a node at p; true when it is nearer than the one before. */
+static bool offer(struct builder *b, size_t node, const double p[3], uint32_t t)
+{
+    float square = (float)facet_square(b->facet + t, p);
+    b->work++;
+    if (square >= b->field->value[node])
+        return false;
+    b->field->value[node] = square;
+    b->nearest[node] = t;
+    return true;
+}
+
+/* Offers triangle t to the nodes of one block that lie within SPLAT of its bounding box. */
+static void splat_block(struct builder *b, uint32_t t, const uint32_t block[3])
+{
+    struct node_box box = splat_box(b->facet + t, block);
+    for (uint32_t k = box.from[2]; k < box.to[2]; k++)
+        for (uint32_t j = box.from[1]; j < box.to[1]; j++)
+            for (uint32_t i = box.from[0]; i < box.to[0]; i++)
+                offer(b, node_index(b->field, i, j, k), (double[3]){i, j, k}, t);
+}
+
+/* ---- 5. spread ------------------------------------------------------------------------------- */
+
+/* First in, first out; a node waits at most once, so that one slot per node suffices. */
+struct queue {
+    uint32_t *node;
+    bool *waiting; /* by node */
+    size_t capacity, head, count;
+};
+
+static void queue_push(struct queue *queue, size_t node)
+{
+    if (queue->waiting[node])
+        return;
+    queue->waiting[node] = true;
+    queue->node[(queue->head + queue->count++) % queue->capacity] = (uint32_t)node;
+}
+
+static size_t queue_pop(struct queue *queue)
+{
+    size_t node = queue->node[queue->head];
+    queue->head = (queue->head + 1) % queue->capacity;
+    queue->count--;
+    queue->waiting[node] = false;
+    return node;
+}
+
+/* Offers a node's triangle to its six neighbours; those that take it will hand it on. */
+static void spread_from(struct builder *b, struct queue *queue, size_t node)
+{
+    const struct dr_field *field = b->field;
+    uint32_t place = b->place[node / DR_BLOCK_NODES], local = (uint32_t)(node % DR_BLOCK_NODES);
+    uint32_t at[3] = {place % field->side[0] * DR_BLOCK + local % DR_BLOCK,
+                      place / field->side[0] % field->side[1] * DR_BLOCK + local / DR_BLOCK % DR_BLOCK,
+                      place / field->side[0] / field->side[1] * DR_BLOCK + local / DR_BLOCK / DR_BLOCK};
+    /* A neighbour is one unit away: this triangle is at least the distance less one from it. */
+    double least = fmax(sqrt((double)field->value[node]) - 1, 0);
+    for (int k = 0; k < 6; k++) {
+        uint32_t to[3] = {at[0], at[1], at[2]};
+        to[k / 2] += k % 2 ? 1 : UINT32_MAX; /* +1 or -1: no block of the outermost layer exists */
+        size_t neighbor = node_index(field, to[0], to[1], to[2]);
+        if (neighbor < DR_BLOCK_NODES || b->nearest[neighbor] == b->nearest[node] ||
+            (double)field->value[neighbor] <= least * least)
+            continue; /* the far block, nothing new, or nearer already */
+        if (offer(b, neighbor, (double[3]){to[0], to[1], to[2]}, b->nearest[node]))
+            queue_push(queue, neighbor);
+    }
+}
+
+/* Hands nearest triangles on from the outer shell of the splatted nodes until nothing changes. */
+static bool spread(struct builder *b)
+{
+    size_t nodes = b->field->blocks * DR_BLOCK_NODES;
+    struct queue queue = {malloc(nodes * sizeof *queue.node), calloc(nodes, sizeof *queue.waiting), nodes, 0,
+                          0};
+    bool ok = queue.node && queue.waiting;
+    if (ok) {
+        for (size_t n = DR_BLOCK_NODES; n < nodes; n++)
+            if (b->nearest[n] != NO_TRIANGLE && b->field->value[n] > (SPLAT - 1) * (SPLAT - 1))
+                queue_push(&queue, n);
+        while (queue.count)
+            spread_from(b, &queue, queue_pop(&queue));
+    }
+    free(queue.node);
+    free(queue.waiting);
+    return ok;
+}
+
+/* ---- all ------------------------------------------------------------------------------------- */
+
+static drape_status build(struct builder *b, const double *positions, int64_t number, drape_error *reterr)
+{
+    struct dr_field *field = b->field;
+    drape_status status = choose_spacing(b, positions, number, reterr);
+    if (status < 0)
+        return status;
+    assert(field->table && b->run); /* of the spacing that fits */
+    if (!allocate_nodes(b))
+        return dr_out_of_memory(reterr);
+    change_inside(b, unbounded);
+    b->work = 0;
+    bool whole = visit_surface(b, SPLAT, splat_block);
+    assert(whole); /* step 3 counted at least this much work, and it was within the limit */
+    (void)whole;
+    if (!spread(b))
+        return dr_out_of_memory(reterr);
+
+    for (size_t n = 0; n < field->blocks * DR_BLOCK_NODES; n++)
+        field->value[n] = (float)(field->spacing * sqrt((double)field->value[n]));
+    change_inside(b, negated);
+    return DRAPE_OK;
+}
+
+drape_status dr_field_new(const double *positions, size_t vertices, const uint32_t *triangle,
+                          size_t triangles, double reach, int64_t number, struct dr_field **ret,
+                          drape_error *reterr)
+{
+    struct builder b = {.triangle = triangle, .triangles = triangles, .vertices = vertices};
+    if (vertices > SIZE_MAX / (3 * sizeof *b.point) || triangles > SIZE_MAX / sizeof *b.facet)
+        return dr_out_of_memory(reterr);
+    b.field = calloc(1, sizeof *b.field);
+    b.point = calloc(3 * vertices, sizeof *b.point);
+    b.facet = calloc(triangles, sizeof *b.facet);
+    drape_status status;
+    if (b.field && b.point && b.facet) {
+        b.field->reach = reach;
+        status = build(&b, positions, number, reterr);
+    } else {
+        status = dr_out_of_memory(reterr);
+    }
+    free(b.point);
+    free(b.facet);
+    free(b.run);
+    free(b.place);
+    free(b.nearest);
+    if (status < 0)
+        dr_field_free(b.field);
+    else
+        *ret = b.field;
+    return status;
+}

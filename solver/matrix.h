@@ -1,0 +1,48 @@
+/* matrix.h - the symmetric step matrix: 3x3 blocks on the free nodes, assembled into fixed slots.
+ *
+ * Only the lower triangle is stored, in the very layout CHOLMOD factors (compressed columns of the
+ * 3n x 3n matrix, stype -1) and already in elimination order (AMD on the graph of free nodes, then
+ * postordered), so that nothing is copied or permuted between assembly and factorisation. Rows and
+ * columns of held nodes do not exist; adding to them does nothing. Belongs to one thread. */
+#ifndef DR_MATRIX_H
+#define DR_MATRIX_H
+
+#include "bend.h"
+#include "mesh.h"
+
+struct dr_matrix;
+
+/* Pattern: the mesh's triangles, the bending stiffness (NULL: none) and `links` extra pairs of nodes
+ * (2*links, NULL if 0). Everything is copied except the mesh, which must outlive the matrix.
+ * DRAPE_EINVAL when it needs more entries than a 32-bit index counts. */
+drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
+                           const uint32_t *link, size_t links, struct dr_matrix **ret, drape_error *reterr);
+struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
+size_t dr_matrix_bytes(const struct dr_matrix *A);
+size_t dr_matrix_free_nodes(const struct dr_matrix *A);
+
+/* What is the same at every step: diag(mass)/dt^2 plus the bending stiffness given at creation. */
+void dr_matrix_set_base(struct dr_matrix *A, double time_step);
+
+/* A = base. */
+void dr_matrix_reset(struct dr_matrix *A);
+
+/* H is the lower triangle of a symmetric 3x3 block: xx, yx, yy, zx, zy, zz. */
+void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6]);
+
+/* H is a symmetric 9x9 block of triangle t of the matrix's mesh, corners in mesh order, row-major;
+ * only its lower triangle is read. */
+void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9]);
+
+/* Adds stiffness (1 -1; -1 1) (x) I3 between the two nodes of link i. */
+void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness);
+
+/* Cholesky of A into a factor kept from call to call (analysed in dr_matrix_new). False: A is not
+ * positive definite, or memory ran out (*ret_memory then). */
+bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);
+
+/* Solves A w_k = b_k for `count` (1 or 2) right-hand sides with the last factor, which must have
+ * succeeded; b and w are 3*nodes per side, held nodes are ignored in b and zero in w. */
+void dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const w[]);
+
+#endif

@@ -1,0 +1,506 @@
+/* scene.c - checks a scene's description and compiles it: welding, rest shapes, bodies. */
+#include "scene.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "error.h"
+
+drape_scene_desc drape_scene_desc_default(void)
+{
+    return (drape_scene_desc){.gravity = {0, -9.81, 0}};
+}
+
+/* ---- checks ------------------------------------------------------------------------------------- */
+
+static bool all_finite(const double *value, size_t count, size_t *ret_bad)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(value[i])) {
+            *ret_bad = i;
+            return false;
+        }
+    return true;
+}
+
+static drape_status check_counts(const drape_scene_desc *desc, drape_error *reterr)
+{
+    const struct {
+        const char *member;
+        size_t count, most;
+        bool array;
+    } row[] = {
+        {"vertices", desc->vertices, DRAPE_MAX_VERTICES, desc->positions && desc->pattern},
+        {"triangles", desc->triangles, DRAPE_MAX_TRIANGLES, desc->triangle != NULL},
+        {"seams", desc->seams, DRAPE_MAX_VERTICES, desc->seam != NULL},
+        {"pins", desc->pins, DRAPE_MAX_VERTICES, desc->pin != NULL},
+        {"materials", desc->materials, DRAPE_MAX_TRIANGLES, desc->material != NULL},
+        {"bodies", desc->bodies, DRAPE_MAX_BODIES, desc->body != NULL},
+    };
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        if (row[i].count > row[i].most)
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, row[i].member,
+                              "%zu are more than the limit of %zu", row[i].count, row[i].most);
+        if (row[i].count && !row[i].array)
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, row[i].member, "the array is missing");
+    }
+    if (desc->vertices < 3)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "vertices", "a cloth has at least 3");
+    if (!desc->triangles)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "triangles", "a cloth has at least 1");
+    if (!desc->materials)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "materials", "a cloth has at least 1");
+    return DRAPE_OK;
+}
+
+static drape_status check_materials(const drape_scene_desc *desc, drape_error *reterr)
+{
+    for (size_t m = 0; m < desc->materials; m++) {
+        const drape_material *material = desc->material + m;
+        const struct {
+            const char *member;
+            double value;
+            bool zero_allowed;
+        } row[] = {
+            {"density", material->density, false},
+            {"stretch_weft", material->stretch_weft, false},
+            {"stretch_warp", material->stretch_warp, false},
+            {"stretch_shear", material->stretch_shear, false},
+            {"bend_weft", material->bend_weft, true},
+            {"bend_warp", material->bend_warp, true},
+            {"bend_twist", material->bend_twist, true},
+        };
+        for (size_t i = 0; i < sizeof row / sizeof *row; i++)
+            if (!isfinite(row[i].value) || row[i].value < 0 || (row[i].value == 0 && !row[i].zero_allowed))
+                return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, row[i].member,
+                                  "%g is not a finite number %s 0", row[i].value, row[i].zero_allowed ? ">=" : ">");
+        if (!(fabs(material->poisson) < 1)) /* D is positive definite just then */
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, "poisson",
+                              "%g is not between -1 and 1, both excluded", material->poisson);
+    }
+    for (size_t t = 0; desc->triangle_material && t < desc->triangles; t++)
+        if (desc->triangle_material[t] >= desc->materials)
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_TRIANGLE_MATERIAL, (int64_t)t,
+                           "material %u does not exist: there are %zu", desc->triangle_material[t],
+                           desc->materials);
+    return DRAPE_OK;
+}
+
+static drape_status check_indices(const drape_scene_desc *desc, drape_error *reterr)
+{
+    for (size_t i = 0; i < 3 * desc->triangles; i++)
+        if (desc->triangle[i] >= desc->vertices)
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_TRIANGLE, (int64_t)(i / 3),
+                           "vertex %u does not exist: there are %zu", desc->triangle[i], desc->vertices);
+    for (size_t i = 0; i < 2 * desc->seams; i++)
+        if (desc->seam[i] >= desc->vertices)
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)(i / 2),
+                           "vertex %u does not exist: there are %zu", desc->seam[i], desc->vertices);
+    for (size_t s = 0; s < desc->seams; s++)
+        if (desc->seam[2 * s] == desc->seam[2 * s + 1])
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)s, "vertex %u is sewn to itself",
+                           desc->seam[2 * s]);
+    for (size_t i = 0; i < desc->pins; i++)
+        if (desc->pin[i] >= desc->vertices)
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i, "vertex %u does not exist: there are %zu",
+                           desc->pin[i], desc->vertices);
+    return DRAPE_OK;
+}
+
+static drape_status check_numbers(const drape_scene_desc *desc, drape_error *reterr)
+{
+    size_t bad;
+    if (!all_finite(desc->positions, 3 * desc->vertices, &bad))
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_VERTEX, (int64_t)(bad / 3), "the position is not finite");
+    if (!all_finite(desc->pattern, 2 * desc->vertices, &bad))
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2), "the pattern coordinate is not finite");
+    if (!all_finite(desc->gravity, 3, &bad))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity", "it is not finite");
+    return DRAPE_OK;
+}
+
+/* ---- welding ------------------------------------------------------------------------------------ */
+
+static uint32_t find_root(uint32_t *parent, uint32_t i)
+{
+    while (parent[i] != i) {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    return i;
+}
+
+static void unite(uint32_t *parent, uint32_t a, uint32_t b)
+{
+    a = find_root(parent, a);
+    b = find_root(parent, b);
+    if (a != b) /* the lower index leads, so that nodes keep the vertices' order */
+        parent[a > b ? a : b] = a > b ? b : a;
+}
+
+/* Numbers the groups that seams weld, in the order of their first vertex, and counts them. */
+static drape_status number_nodes(const drape_scene_desc *desc, uint32_t *vertex_node, size_t *ret_nodes,
+                                 drape_error *reterr)
+{
+    drape_status status = DRAPE_OK;
+    uint32_t *parent = malloc(desc->vertices * sizeof *parent);
+    bool *used = calloc(desc->vertices, sizeof *used);
+    if (!parent || !used) {
+        status = dr_out_of_memory(reterr);
+        goto cleanup;
+    }
+    for (size_t i = 0; i < desc->vertices; i++)
+        parent[i] = (uint32_t)i;
+    for (size_t i = 0; i < 3 * desc->triangles; i++)
+        used[desc->triangle[i]] = true;
+    for (size_t i = 0; i < 2 * desc->seams; i++)
+        if (!used[desc->seam[i]]) {
+            status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)(i / 2), "vertex %u belongs to no triangle",
+                             desc->seam[i]);
+            goto cleanup;
+        }
+    for (size_t s = 0; s < desc->seams; s++)
+        unite(parent, desc->seam[2 * s], desc->seam[2 * s + 1]);
+
+    size_t nodes = 0;
+    for (size_t i = 0; i < desc->vertices; i++) { /* a root precedes the rest of its group */
+        uint32_t root = find_root(parent, (uint32_t)i);
+        vertex_node[i] = !used[i] ? DR_NONE : root == i ? (uint32_t)nodes++ : vertex_node[root];
+    }
+    *ret_nodes = nodes;
+
+cleanup:
+    free(parent);
+    free(used);
+    return status;
+}
+
+/* Two pins in one sewn group must agree on where it is held. */
+static drape_status check_pins(const drape_scene_desc *desc, const uint32_t *vertex_node, size_t nodes,
+                               drape_error *reterr)
+{
+    uint32_t *first = malloc(nodes * sizeof *first); /* the vertex that pins each node */
+    if (!first)
+        return dr_out_of_memory(reterr);
+    memset(first, 0xff, nodes * sizeof *first);
+    drape_status status = DRAPE_OK;
+    for (size_t i = 0; i < desc->pins && status == DRAPE_OK; i++) {
+        uint32_t node = vertex_node[desc->pin[i]];
+        if (node == DR_NONE)
+            continue;
+        if (first[node] == DR_NONE)
+            first[node] = desc->pin[i];
+        const double *a = desc->positions + 3 * (size_t)first[node], *b = desc->positions + 3 * (size_t)desc->pin[i];
+        double gap = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+        if (gap > DR_WELD_GAP)
+            status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i,
+                             "vertices %u and %u are sewn together but pinned %.3g m apart", first[node],
+                             desc->pin[i], gap);
+    }
+    free(first);
+    return status;
+}
+
+static double widest_seam(const drape_scene_desc *desc)
+{
+    double widest = 0;
+    for (size_t s = 0; s < desc->seams; s++) {
+        const double *a = desc->positions + 3 * (size_t)desc->seam[2 * s];
+        const double *b = desc->positions + 3 * (size_t)desc->seam[2 * s + 1];
+        for (int d = 0; d < 3; d++)
+            widest = fmax(widest, fabs(a[d] - b[d]));
+    }
+    return widest * sqrt(3); /* never less than the true distance */
+}
+
+/* An error of the welded mesh that the pieces did not have comes from a seam: name one that touches
+ * the triangle at fault. */
+static drape_status blame_seam(const drape_scene_desc *desc, drape_status status, drape_error *reterr)
+{
+    if (status != DRAPE_EINVAL || !reterr || reterr->place != DRAPE_AT_TRIANGLE)
+        return status;
+    const uint32_t *corner = desc->triangle + 3 * (size_t)reterr->element;
+    for (size_t i = 0; i < 2 * desc->seams; i++)
+        if (desc->seam[i] == corner[0] || desc->seam[i] == corner[1] || desc->seam[i] == corner[2]) {
+            char message[sizeof reterr->message];
+            memcpy(message, reterr->message, sizeof message);
+            int64_t triangle = reterr->element;
+            return dr_fail(reterr, status, DRAPE_AT_SEAM, (int64_t)(i / 2),
+                           "once sewn, at triangle %lld %.120s", (long long)triangle, message);
+        }
+    return status;
+}
+
+/* ---- compiling ---------------------------------------------------------------------------------- */
+
+static void *copy_of(const void *source, size_t count, size_t size)
+{
+    void *copy = malloc(count ? count * size : 1);
+    if (copy && count)
+        memcpy(copy, source, count * size);
+    return copy;
+}
+
+static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes, drape_error *reterr)
+{
+    drape_status status = DRAPE_ENOMEM;
+    double *density = malloc(desc->materials * sizeof *density);
+    uint32_t *corner_node = malloc(3 * desc->triangles * sizeof *corner_node);
+    bool *held = calloc(desc->vertices, sizeof *held); /* by vertex, then by node */
+    if (!density || !corner_node || !held) {
+        dr_out_of_memory(reterr);
+        goto cleanup;
+    }
+    for (size_t m = 0; m < desc->materials; m++)
+        density[m] = desc->material[m].density;
+    for (size_t i = 0; i < 3 * desc->triangles; i++)
+        corner_node[i] = scene->vertex_node[desc->triangle[i]];
+
+    for (size_t i = 0; i < desc->pins; i++)
+        held[desc->pin[i]] = true;
+    for (size_t i = 0; i < desc->vertices; i++)
+        held[i] = held[i] || scene->vertex_node[i] == DR_NONE;
+    status = dr_mesh_new(desc->vertices, desc->triangles, desc->triangle, desc->triangle, desc->pattern,
+                         desc->triangle_material, density, held, &scene->pieces, reterr);
+    if (status < 0)
+        goto cleanup;
+
+    memset(held, 0, desc->vertices * sizeof *held);
+    for (size_t i = 0; i < desc->pins; i++)
+        if (scene->vertex_node[desc->pin[i]] != DR_NONE)
+            held[scene->vertex_node[desc->pin[i]]] = true;
+    status = dr_mesh_new(nodes, desc->triangles, corner_node, desc->triangle, desc->pattern,
+                         desc->triangle_material, density, held, &scene->mesh, reterr);
+    status = blame_seam(desc, status, reterr);
+    if (scene->seam_gap <= DR_WELD_GAP)
+        scene->pieces = dr_mesh_free(scene->pieces);
+
+cleanup:
+    free(density);
+    free(corner_node);
+    free(held);
+    return status;
+}
+
+/* A node sits at the mean of its vertices, a held node where its first pin is. */
+static drape_status share_nodes(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    size_t nodes = scene->mesh->nodes;
+    uint32_t *count = calloc(nodes, sizeof *count);
+    scene->vertex_share = calloc(desc->vertices, sizeof *scene->vertex_share);
+    if (!count || !scene->vertex_share) {
+        free(count);
+        return dr_out_of_memory(reterr);
+    }
+    for (size_t i = 0; i < desc->vertices; i++)
+        if (scene->vertex_node[i] != DR_NONE)
+            count[scene->vertex_node[i]]++;
+    for (size_t i = 0; i < desc->vertices; i++) {
+        uint32_t node = scene->vertex_node[i];
+        if (node != DR_NONE && !scene->mesh->held[node])
+            scene->vertex_share[i] = 1.0 / count[node];
+    }
+    for (size_t i = 0; i < desc->pins; i++) {
+        uint32_t node = scene->vertex_node[desc->pin[i]];
+        if (node != DR_NONE && count[node]) {
+            scene->vertex_share[desc->pin[i]] = 1;
+            count[node] = 0; /* the first pin has it */
+        }
+    }
+    free(count);
+    return DRAPE_OK;
+}
+
+/* Connected components; each must be held by a pin or have a body to fall on. */
+static drape_status find_parts(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    const struct dr_mesh *mesh = scene->mesh;
+    drape_status status = DRAPE_OK;
+    uint32_t *parent = malloc(mesh->nodes * sizeof *parent);
+    scene->part = malloc(mesh->nodes * sizeof *scene->part);
+    scene->part_held = calloc(mesh->nodes, sizeof *scene->part_held);
+    if (!parent || !scene->part || !scene->part_held) {
+        status = dr_out_of_memory(reterr);
+        goto cleanup;
+    }
+    for (size_t i = 0; i < mesh->nodes; i++)
+        parent[i] = (uint32_t)i;
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        unite(parent, mesh->triangle[3 * t], mesh->triangle[3 * t + 1]);
+        unite(parent, mesh->triangle[3 * t], mesh->triangle[3 * t + 2]);
+    }
+    for (size_t i = 0; i < mesh->nodes; i++) {
+        uint32_t root = find_root(parent, (uint32_t)i);
+        scene->part[i] = root == i ? (uint32_t)scene->parts++ : scene->part[root];
+        scene->part_held[scene->part[i]] |= mesh->held[i];
+    }
+    for (size_t i = 0; !desc->bodies && i < desc->vertices; i++) {
+        uint32_t node = scene->vertex_node[i];
+        if (node != DR_NONE && !scene->part_held[scene->part[node]]) {
+            status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_VERTEX, (int64_t)i,
+                             "nothing holds its piece: it has no pinned vertex and the scene has no body");
+            break;
+        }
+    }
+
+cleanup:
+    free(parent);
+    return status;
+}
+
+static drape_status new_bends(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    bool any = false;
+    double *rigidity = malloc(3 * desc->materials * sizeof *rigidity);
+    if (!rigidity)
+        return dr_out_of_memory(reterr);
+    for (size_t m = 0; m < desc->materials; m++) {
+        const drape_material *material = desc->material + m;
+        rigidity[3 * m] = material->bend_weft;
+        rigidity[3 * m + 1] = material->bend_warp;
+        rigidity[3 * m + 2] = material->bend_twist;
+        any = any || material->bend_weft > 0 || material->bend_warp > 0 || material->bend_twist > 0;
+    }
+    drape_status status = any ? dr_bend_new(scene->mesh, rigidity, &scene->bend, reterr) : DRAPE_OK;
+    if (status >= 0 && scene->pieces) {
+        for (size_t m = 0; m < desc->materials; m++) {
+            rigidity[3 * m] = rigidity[3 * m + 1] = DR_SEWING_RIGIDITY;
+            rigidity[3 * m + 2] = DR_SEWING_RIGIDITY / 2;
+        }
+        status = dr_bend_new(scene->pieces, rigidity, &scene->pieces_bend, reterr);
+    }
+    free(rigidity);
+    return status;
+}
+
+static drape_status new_bodies(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    scene->body = calloc(desc->bodies ? desc->bodies : 1, sizeof *scene->body);
+    if (!scene->body)
+        return dr_out_of_memory(reterr);
+    scene->bodies = desc->bodies;
+    for (size_t b = 0; b < desc->bodies; b++) {
+        drape_status status = dr_body_new(desc->body + b, (int64_t)b, &scene->body[b], reterr);
+        if (status < 0)
+            return status;
+    }
+    return DRAPE_OK;
+}
+
+/* Everything up to what only the solver needs: checks, welding, meshes, parts. */
+static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr)
+{
+    drape_status status;
+    size_t nodes = 0;
+    drape_scene *scene = NULL;
+    drape_error error; /* blame_seam reads it */
+    if (!reterr)
+        reterr = &error;
+    if ((status = check_counts(desc, reterr)) < 0 || (status = check_numbers(desc, reterr)) < 0 ||
+        (status = check_indices(desc, reterr)) < 0 || (status = check_materials(desc, reterr)) < 0)
+        return status;
+    for (size_t b = 0; b < desc->bodies; b++)
+        if ((status = dr_body_check(desc->body + b, (int64_t)b, reterr)) < 0)
+            return status;
+
+    scene = calloc(1, sizeof *scene);
+    if (!scene)
+        return dr_out_of_memory(reterr);
+    scene->vertices = desc->vertices;
+    scene->seams = desc->seams;
+    scene->materials = desc->materials;
+    memcpy(scene->gravity, desc->gravity, sizeof scene->gravity);
+    scene->positions = copy_of(desc->positions, 3 * desc->vertices, sizeof *scene->positions);
+    scene->seam = copy_of(desc->seam, 2 * desc->seams, sizeof *scene->seam);
+    scene->material = copy_of(desc->material, desc->materials, sizeof *scene->material);
+    scene->vertex_node = malloc(desc->vertices * sizeof *scene->vertex_node);
+    if (!scene->positions || !scene->seam || !scene->material || !scene->vertex_node) {
+        status = dr_out_of_memory(reterr);
+        goto cleanup;
+    }
+    scene->seam_gap = widest_seam(desc);
+    if ((status = number_nodes(desc, scene->vertex_node, &nodes, reterr)) < 0 ||
+        (status = check_pins(desc, scene->vertex_node, nodes, reterr)) < 0 ||
+        (status = new_meshes(desc, scene, nodes, reterr)) < 0 ||
+        (status = share_nodes(desc, scene, reterr)) < 0 || (status = find_parts(desc, scene, reterr)) < 0)
+        goto cleanup;
+    *ret = scene;
+    scene = NULL;
+
+cleanup:
+    drape_scene_free(scene);
+    return status;
+}
+
+drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr)
+{
+    drape_scene *scene = NULL;
+    drape_status status = compile(desc, &scene, reterr);
+    drape_scene_free(scene);
+    return status;
+}
+
+drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr)
+{
+    drape_scene *scene = NULL;
+    drape_status status = compile(desc, &scene, reterr);
+    if (status >= 0)
+        status = new_bends(desc, scene, reterr);
+    if (status >= 0)
+        status = new_bodies(desc, scene, reterr);
+    if (status < 0) {
+        drape_scene_free(scene);
+        return status;
+    }
+    *ret = scene;
+    return DRAPE_OK;
+}
+
+drape_scene *drape_scene_free(drape_scene *scene)
+{
+    if (scene) {
+        for (size_t b = 0; b < scene->bodies; b++)
+            dr_body_free(scene->body[b]);
+        free(scene->body);
+        dr_bend_free(scene->pieces_bend);
+        dr_bend_free(scene->bend);
+        dr_mesh_free(scene->pieces);
+        dr_mesh_free(scene->mesh);
+        free(scene->part);
+        free(scene->part_held);
+        free(scene->material);
+        free(scene->seam);
+        free(scene->vertex_node);
+        free(scene->vertex_share);
+        free(scene->positions);
+        free(scene);
+    }
+    return NULL;
+}
+
+size_t dr_scene_bytes(const drape_scene *scene)
+{
+    size_t bytes = sizeof *scene + scene->vertices * (4 * sizeof(double) + sizeof(uint32_t)) +
+                   2 * scene->seams * sizeof(uint32_t) + scene->materials * sizeof(drape_material) +
+                   dr_mesh_bytes(scene->mesh) + scene->mesh->nodes * (sizeof(uint32_t) + sizeof(bool));
+    if (scene->bend)
+        bytes += dr_bend_bytes(scene->bend);
+    if (scene->pieces)
+        bytes += dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend);
+    for (size_t b = 0; b < scene->bodies; b++)
+        bytes += dr_body_bytes(scene->body[b]);
+    return bytes;
+}
+
+void dr_scene_weld(const drape_scene *scene, const double *v, double *x)
+{
+    memset(x, 0, 3 * scene->mesh->nodes * sizeof *x);
+    for (size_t i = 0; i < scene->vertices; i++) {
+        uint32_t node = scene->vertex_node[i];
+        if (node == DR_NONE)
+            continue;
+        for (int d = 0; d < 3; d++)
+            x[3 * (size_t)node + (size_t)d] += scene->vertex_share[i] * v[3 * i + (size_t)d];
+    }
+}

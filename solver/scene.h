@@ -1,0 +1,44 @@
+/* scene.h - what a compiled scene holds: welded mesh, unsewn pieces, bending, bodies. */
+#ifndef DR_SCENE_H
+#define DR_SCENE_H
+
+#include "bend.h"
+#include "body.h"
+#include "mesh.h"
+
+/* Seams that start no wider than this are welded at once; sewing pulls wider ones shut to it (m). */
+#define DR_WELD_GAP 1e-3
+
+/* Bending rigidity of the pieces while they are being sewn (N m): soft pieces fold in and invert
+ * along a seam, stiff ones close cleanly. */
+#define DR_SEWING_RIGIDITY 1e-3
+
+struct drape_scene {
+    size_t vertices;
+    double *positions;     /* 3*vertices: the start */
+    uint32_t *vertex_node; /* vertices: node of each; DR_NONE for a vertex of no triangle */
+    double *vertex_share;  /* vertices: its weight in its node's position; they sum to 1 */
+    size_t seams;
+    uint32_t *seam;        /* 2*seams */
+    double seam_gap;       /* m: widest seam at the start */
+    size_t materials;
+    drape_material *material;
+    double gravity[3];
+    struct dr_mesh *mesh;        /* welded */
+    struct dr_bend *bend;        /* NULL: no rigidity anywhere */
+    struct dr_mesh *pieces;      /* one node a vertex; NULL: nothing to sew */
+    struct dr_bend *pieces_bend; /* NULL with pieces */
+    size_t bodies;
+    struct dr_body **body;
+    size_t parts;          /* connected components of the welded mesh */
+    uint32_t *part;        /* nodes: component of each */
+    bool *part_held;       /* parts: it has a held node */
+};
+
+/* Bytes held by the scene. */
+size_t dr_scene_bytes(const drape_scene *scene);
+
+/* Node positions x (3*nodes) for vertex positions v (3*vertices). */
+void dr_scene_weld(const drape_scene *scene, const double *v, double *x);
+
+#endif

@@ -1,0 +1,188 @@
+/* sim.c - the public face of a run: options, budgets, cancelling, results. */
+#include "sim.h"
+
+#include <dlfcn.h>
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "error.h"
+#include "plan.h"
+
+drape_options drape_options_default(void)
+{
+    return (drape_options){
+        .method = DRAPE_METHOD_AUTO,
+        .stop_on = DRAPE_STOP_ON_POTENTIAL,
+        .time_step = 0.02,
+        .tolerance = 1e-3,
+        .max_iterations = 2000,
+        .time_limit = 120,
+    };
+}
+
+static drape_status check_options(const drape_options *options, drape_error *reterr)
+{
+    const char *member = NULL;
+    if (options->method > DRAPE_METHOD_DYNAMIC)
+        member = "method";
+    else if (options->stop_on > DRAPE_STOP_ON_KINETIC)
+        member = "stop_on";
+    else if (!(options->time_step >= 1e-6 && options->time_step <= 1e3))
+        member = "time_step";
+    else if (!(options->tolerance > 0 && isfinite(options->tolerance)))
+        member = "tolerance";
+    else if (options->max_iterations > DRAPE_MAX_ITERATIONS)
+        member = "max_iterations";
+    else if (!(options->time_limit > 0 && isfinite(options->time_limit)))
+        member = "time_limit";
+    return member ? dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1, member, "out of range") : DRAPE_OK;
+}
+
+drape_status drape_sim_new(const drape_scene *scene, const drape_options *options, drape_sim **ret,
+                           drape_error *reterr)
+{
+    drape_status status = check_options(options, reterr);
+    if (status < 0)
+        return status;
+    drape_sim *sim = calloc(1, sizeof *sim);
+    if (sim) {
+        sim->positions = malloc(3 * scene->vertices * sizeof *sim->positions);
+        sim->row = malloc(((size_t)options->max_iterations + 1) * sizeof *sim->row);
+    }
+    if (!sim || !sim->positions || !sim->row) {
+        drape_sim_free(sim);
+        return dr_out_of_memory(reterr);
+    }
+    sim->scene = scene;
+    sim->options = *options;
+    atomic_init(&sim->cancelled, false);
+    memcpy(sim->positions, scene->positions, 3 * scene->vertices * sizeof *sim->positions);
+    sim->report.method = options->method == DRAPE_METHOD_AUTO ? DRAPE_METHOD_STOP_AND_GO : options->method;
+    sim->report.stop_on = options->method == DRAPE_METHOD_AUTO ? DRAPE_STOP_ON_KINETIC : options->stop_on;
+    *ret = sim;
+    return DRAPE_OK;
+}
+
+drape_sim *drape_sim_free(drape_sim *sim)
+{
+    if (sim) {
+        free(sim->positions);
+        free(sim->row);
+        free(sim);
+    }
+    return NULL;
+}
+
+/* ---- budgets ------------------------------------------------------------------------------------ */
+
+double dr_clock(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+void drape_sim_cancel(drape_sim *sim)
+{
+    atomic_store(&sim->cancelled, true);
+}
+
+bool dr_sim_interrupted(const struct drape_sim *sim)
+{
+    return atomic_load(&sim->cancelled) || dr_clock() - sim->began > sim->options.time_limit;
+}
+
+void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress)
+{
+    if (sim->options.progress && sim->options.progress(progress, sim->options.progress_data))
+        drape_sim_cancel(sim);
+}
+
+/* ---- running ------------------------------------------------------------------------------------ */
+
+static void report_stages(struct drape_sim *sim)
+{
+    static const char *const name[DR_STAGES] = {
+        [DR_STAGE_PREPARE] = "prepare",     [DR_STAGE_SEW] = "sew",     [DR_STAGE_ASSEMBLE] = "assemble",
+        [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve", [DR_STAGE_MOVE] = "move",
+    };
+    for (int i = 0; i < DR_STAGES; i++)
+        sim->report.stage[sim->report.stages++] = (drape_stage){name[i], sim->stage[i]};
+}
+
+/* Positions of the vertices from those of the nodes: one seam, one place. */
+static void unweld(const drape_scene *scene, const double *x, double *v)
+{
+    for (size_t i = 0; i < scene->vertices; i++)
+        if (scene->vertex_node[i] != DR_NONE)
+            memcpy(v + 3 * i, x + 3 * (size_t)scene->vertex_node[i], 3 * sizeof *v);
+}
+
+drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
+{
+    const drape_scene *scene = sim->scene;
+    drape_status status = DRAPE_OK;
+    double *x = malloc(3 * scene->mesh->nodes * sizeof *x);
+    if (!x)
+        return dr_out_of_memory(reterr);
+    omp_set_max_active_levels(0); /* see drape_sim_run in drape.h */
+    sim->began = dr_clock();
+    if (scene->pieces && sim->options.max_iterations)
+        status = dr_sew(sim, reterr);
+    if (status >= 0) {
+        dr_scene_weld(scene, sim->positions, x);
+        status = dr_relax(sim, x, reterr);
+    }
+    if (status >= 0) {
+        unweld(scene, x, sim->positions);
+        sim->report.seconds = dr_clock() - sim->began;
+        sim->report.peak_bytes = sim->peak_bytes + dr_scene_bytes(scene) +
+                                 ((size_t)sim->options.max_iterations + 1) * sizeof *sim->row +
+                                 3 * (scene->vertices + scene->mesh->nodes) * sizeof(double);
+        report_stages(sim);
+        dr_plan(sim);
+        if (atomic_load(&sim->cancelled))
+            status = DRAPE_CANCELLED;
+        else if (sim->report.verdict != DRAPE_VERDICT_AT_REST)
+            status = DRAPE_NOT_AT_REST;
+    }
+    free(x);
+    return status;
+}
+
+const drape_report *drape_sim_report(const drape_sim *sim)
+{
+    return &sim->report;
+}
+
+const drape_row *drape_sim_trace(const drape_sim *sim, size_t *ret_rows)
+{
+    *ret_rows = sim->rows;
+    return sim->row;
+}
+
+const double *drape_sim_positions(const drape_sim *sim, size_t *ret_vertices)
+{
+    *ret_vertices = sim->scene->vertices;
+    return sim->positions;
+}
+
+/* ---- about the library -------------------------------------------------------------------------- */
+
+const char *drape_version(void)
+{
+    return "0.1.0";
+}
+
+const char *drape_blas_prepare(void)
+{
+    /* Looked up at run time, so that any BLAS will do; only OpenBLAS needs to be told. */
+    void (*set_threads)(int) = (void (*)(int))dlsym(RTLD_DEFAULT, "openblas_set_num_threads");
+    char *(*core_name)(void) = (char *(*)(void))dlsym(RTLD_DEFAULT, "openblas_get_corename");
+    if (set_threads)
+        set_threads(1);
+    return core_name ? core_name() : "unknown";
+}

@@ -1,0 +1,54 @@
+/* sim.h - the state of one run, shared by the page that sews and the page that drapes. */
+#ifndef DR_SIM_H
+#define DR_SIM_H
+
+#include <stdatomic.h>
+
+#include "cloth.h"
+
+/* Where the seconds go; dr_stage_name has their names. */
+enum dr_stage {
+    DR_STAGE_PREPARE = 0, /* matrices analysed, buffers made */
+    DR_STAGE_SEW,
+    DR_STAGE_ASSEMBLE,
+    DR_STAGE_FACTORISE,
+    DR_STAGE_SOLVE,
+    DR_STAGE_MOVE, /* line search: energies, forces, contact limits */
+    DR_STAGES
+};
+
+struct drape_sim {
+    const drape_scene *scene;
+    drape_options options;
+    atomic_bool cancelled;
+    double began;             /* s, monotonic */
+    double stage[DR_STAGES];  /* s */
+    double *positions;        /* 3*vertices: the result */
+    drape_row *row;           /* max_iterations + 1 */
+    size_t rows;
+    size_t peak_bytes;
+    drape_report report;
+};
+
+double dr_clock(void); /* s, monotonic */
+
+/* Cancelled, or past the time limit. */
+bool dr_sim_interrupted(const struct drape_sim *sim);
+
+/* Tells the caller; its nonzero answer cancels. */
+void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress);
+
+/* Closes the seams: from the start positions in sim->positions to positions whose seams are
+ * DR_WELD_GAP or less apart, as far as the step budget allows; the report gets the gap that is left. */
+drape_status dr_sew(struct drape_sim *sim, drape_error *reterr);
+
+/* Energy k/2 sum |x_i - x_j|^2 of zero-length springs between sewn vertices (J); adds their force to f
+ * and finds the widest gap (m). x and f are 3*vertices, seam 2*seams. */
+double dr_seam_energy(const uint32_t *seam, size_t seams, double stiffness, const double *x, double *f,
+                      double *ret_gap);
+
+/* Drapes the welded cloth from x (3*nodes, overwritten) until rest or until a budget is spent. On
+ * return x is the best state, and the report is filled. */
+drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr);
+
+#endif

@@ -1,0 +1,307 @@
+/* test_scene.c - what a scene refuses and where it says the fault is; welding. */
+#include "test.h"
+
+#include "scene.h"
+
+/* Two unit squares side by side, 5 mm apart: vertices 0-3 and 4-7, to be sewn 1-4 and 3-6. */
+struct example {
+    double positions[24], pattern[16];
+    uint32_t triangle[12], seam[4], pin[2];
+    drape_material material;
+    drape_scene_desc desc;
+};
+
+static struct example make(void)
+{
+    struct example e = {
+        .positions = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 1.005, 0, 0, 2, 0, 0, 1.005, 1, 0, 2, 1, 0},
+        .pattern = {0, 0, 1, 0, 0, 1, 1, 1, 5, 5, 6, 5, 5, 6, 6, 6},
+        .triangle = {0, 1, 2, 1, 3, 2, 4, 5, 6, 5, 7, 6},
+        .seam = {1, 4, 3, 6},
+        .pin = {0, 2},
+        .material = {.density = 0.1, .stretch_weft = 10, .stretch_warp = 10, .stretch_shear = 5,
+                     .bend_weft = 1e-5, .bend_warp = 1e-5, .bend_twist = 5e-6},
+    };
+    e.desc = drape_scene_desc_default();
+    e.desc.vertices = 8;
+    e.desc.triangles = 4;
+    e.desc.seams = 2;
+    e.desc.pins = 2;
+    e.desc.materials = 1;
+    return e;
+}
+
+static void bind(struct example *e) /* after any copy */
+{
+    e->desc.positions = e->positions;
+    e->desc.pattern = e->pattern;
+    e->desc.triangle = e->triangle;
+    e->desc.seam = e->seam;
+    e->desc.pin = e->pin;
+    e->desc.material = &e->material;
+}
+
+static void refused(struct example *e, drape_place place, int64_t element, const char *member, const char *says)
+{
+    drape_error error = {0};
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_check(&e->desc, &error), DRAPE_EINVAL);
+    if (error.place != place || error.element != element || !strstr(error.message, says))
+        fail_msg("place %d element %lld: %s", error.place, (long long)error.element, error.message);
+    if (member)
+        assert_string_equal(error.member, member);
+    assert_int_equal(drape_scene_new(&e->desc, &scene, NULL), DRAPE_EINVAL); /* reterr may be NULL */
+    assert_null(scene);
+}
+
+static void test_scene__welds_seams_in_the_order_of_the_vertices(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    const uint32_t expected[] = {0, 1, 2, 3, 1, 4, 3, 5};
+    assert_memory_equal(scene->vertex_node, expected, sizeof expected);
+    assert_int_equal(scene->mesh->nodes, 6);
+    assert_int_equal(scene->parts, 1);
+    assert_non_null(scene->pieces); /* 5 mm is wider than the weld gap */
+    assert_int_equal(scene->pieces->nodes, 8);
+    double x[18];
+    dr_scene_weld(scene, e.positions, x);
+    assert_close(x[3], 1.0025, 1e-15);
+    assert_true(x[0] == 0 && x[3 * 5] == 2);
+    assert_true(dr_scene_bytes(scene) > 1000);
+    drape_scene_free(scene);
+}
+
+static void test_scene__closed_seams_need_no_sewing(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.positions[12] = e.positions[18] = 1;
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_null(scene->pieces);
+    assert_null(scene->pieces_bend);
+    drape_scene_free(scene);
+}
+
+static void test_scene__a_pinned_node_sits_at_its_pin(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.pin[1] = 4;
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    double x[18];
+    dr_scene_weld(scene, e.positions, x);
+    assert_true(x[3] == 1.005);
+    assert_true(scene->mesh->held[1]);
+    drape_scene_free(scene);
+}
+
+static void test_scene__names_the_vertex_that_is_not_finite(void **state)
+{
+    (void)state;
+    const double bad[] = {NAN, INFINITY, -INFINITY};
+    for (int k = 0; k < 3; k++) {
+        struct example e = make();
+        bind(&e);
+        e.positions[16] = bad[k];
+        refused(&e, DRAPE_AT_VERTEX, 5, NULL, "finite");
+        e = make();
+        bind(&e);
+        e.pattern[7] = bad[k];
+        refused(&e, DRAPE_AT_PATTERN, 3, NULL, "finite");
+        e = make();
+        bind(&e);
+        e.desc.gravity[1] = bad[k];
+        refused(&e, DRAPE_AT_SCENE, -1, "gravity", "finite");
+    }
+}
+
+static void test_scene__names_every_index_out_of_range(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.triangle[7] = 7; /* the last that exists */
+    e.triangle[8] = 8; /* one past */
+    refused(&e, DRAPE_AT_TRIANGLE, 2, NULL, "vertex 8 does not exist");
+    e = make();
+    bind(&e);
+    e.seam[3] = 8;
+    refused(&e, DRAPE_AT_SEAM, 1, NULL, "vertex 8 does not exist");
+    e = make();
+    bind(&e);
+    e.pin[1] = 8;
+    refused(&e, DRAPE_AT_PIN, 1, NULL, "vertex 8 does not exist");
+    e = make();
+    bind(&e);
+    const uint32_t of_material[] = {0, 0, 0, 1};
+    e.desc.triangle_material = of_material;
+    refused(&e, DRAPE_AT_TRIANGLE_MATERIAL, 3, NULL, "material 1 does not exist");
+}
+
+static void test_scene__names_the_material_member_at_fault(void **state)
+{
+    (void)state;
+    const struct {
+        size_t offset;
+        const char *member;
+        double bad;
+    } row[] = {
+        {offsetof(drape_material, density), "density", 0},
+        {offsetof(drape_material, density), "density", NAN},
+        {offsetof(drape_material, stretch_weft), "stretch_weft", -1},
+        {offsetof(drape_material, stretch_warp), "stretch_warp", 0},
+        {offsetof(drape_material, stretch_shear), "stretch_shear", INFINITY},
+        {offsetof(drape_material, poisson), "poisson", 1},
+        {offsetof(drape_material, poisson), "poisson", -1},
+        {offsetof(drape_material, poisson), "poisson", NAN},
+        {offsetof(drape_material, bend_weft), "bend_weft", -1e-9},
+        {offsetof(drape_material, bend_warp), "bend_warp", NAN},
+        {offsetof(drape_material, bend_twist), "bend_twist", -1},
+    };
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        struct example e = make();
+        bind(&e);
+        memcpy((char *)&e.material + row[i].offset, &row[i].bad, sizeof(double));
+        refused(&e, DRAPE_AT_MATERIAL, 0, row[i].member, "");
+    }
+}
+
+static void test_scene__blames_the_seam_that_ruins_the_surface(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.seam[0] = 0, e.seam[1] = 1; /* two corners of one triangle */
+    refused(&e, DRAPE_AT_SEAM, 0, NULL, "once sewn");
+    e = make();
+    bind(&e);
+    e.seam[1] = 1;
+    refused(&e, DRAPE_AT_SEAM, 0, NULL, "sewn to itself");
+
+    /* A third flap on the edge that two squares already share. */
+    struct example flap = make();
+    bind(&flap);
+    double positions[33], pattern[22];
+    uint32_t triangle[15], seam[8] = {1, 4, 3, 6, 1, 8, 3, 9};
+    memcpy(positions, flap.positions, sizeof flap.positions);
+    memcpy(pattern, flap.pattern, sizeof flap.pattern);
+    memcpy(triangle, flap.triangle, sizeof flap.triangle);
+    const double more[] = {1, 0, 0, 1, 1, 0, 1, 0, 1}, flat[] = {0, 0, 0, 1, 1, 0};
+    memcpy(positions + 24, more, sizeof more);
+    memcpy(pattern + 16, flat, sizeof flat);
+    triangle[12] = 8, triangle[13] = 10, triangle[14] = 9;
+    flap.desc.positions = positions;
+    flap.desc.pattern = pattern;
+    flap.desc.triangle = triangle;
+    flap.desc.seam = seam;
+    flap.desc.vertices = 11;
+    flap.desc.triangles = 5;
+    flap.desc.seams = 4;
+    refused(&flap, DRAPE_AT_SEAM, 2, NULL, "shared by 3 triangles");
+}
+
+static void test_scene__pins_of_one_node_must_agree(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.pin[0] = 1, e.pin[1] = 4; /* sewn together, 5 mm apart */
+    refused(&e, DRAPE_AT_PIN, 1, NULL, "pinned 0.005 m apart");
+    e.positions[12] = 1;
+    assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
+}
+
+static void test_scene__a_piece_that_nothing_holds_is_refused(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.desc.seams = 0; /* the second square is now on its own */
+    refused(&e, DRAPE_AT_VERTEX, 4, NULL, "nothing holds");
+    const drape_body floor = {.kind = DRAPE_BODY_PLANE, .offset = 0.003, .point = {0, -1, 0}, .axis = {0, 1, 0}};
+    e.desc.body = &floor;
+    e.desc.bodies = 1;
+    assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
+}
+
+static void test_scene__counts_have_limits(void **state)
+{
+    (void)state;
+    static const struct {
+        size_t offset, most;
+        const char *member;
+    } row[] = {
+        {offsetof(drape_scene_desc, vertices), DRAPE_MAX_VERTICES, "vertices"},
+        {offsetof(drape_scene_desc, triangles), DRAPE_MAX_TRIANGLES, "triangles"},
+        {offsetof(drape_scene_desc, bodies), DRAPE_MAX_BODIES, "bodies"},
+    };
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        struct example e = make();
+        bind(&e);
+        size_t past = row[i].most + 1;
+        memcpy((char *)&e.desc + row[i].offset, &past, sizeof past);
+        refused(&e, DRAPE_AT_SCENE, -1, row[i].member, "more than the limit");
+    }
+    drape_body body[DRAPE_MAX_BODIES];
+    for (int i = 0; i < DRAPE_MAX_BODIES; i++) /* exactly the limit is fine */
+        body[i] = (drape_body){.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .radius = 0.1, .point = {i, -3, 0}};
+    struct example e = make();
+    bind(&e);
+    e.desc.body = body;
+    e.desc.bodies = DRAPE_MAX_BODIES;
+    assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
+
+    e = make();
+    bind(&e);
+    e.desc.triangle = NULL;
+    refused(&e, DRAPE_AT_SCENE, -1, "triangles", "missing");
+    e = make();
+    bind(&e);
+    e.desc.triangles = 0;
+    refused(&e, DRAPE_AT_SCENE, -1, "triangles", "at least 1");
+    e = make();
+    bind(&e);
+    e.desc.materials = 0;
+    refused(&e, DRAPE_AT_SCENE, -1, "materials", "at least 1");
+}
+
+static void test_scene__a_vertex_of_no_triangle_is_carried_along(void **state)
+{
+    (void)state;
+    struct example e = make();
+    bind(&e);
+    e.desc.triangles = 3; /* vertex 7 is used by the last triangle only */
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(scene->vertex_node[7], DR_NONE);
+    assert_int_equal(scene->mesh->nodes, 5);
+    drape_scene_free(scene);
+    e.seam[3] = 7;
+    refused(&e, DRAPE_AT_SEAM, 1, NULL, "belongs to no triangle");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_scene__welds_seams_in_the_order_of_the_vertices),
+        cmocka_unit_test(test_scene__closed_seams_need_no_sewing),
+        cmocka_unit_test(test_scene__a_pinned_node_sits_at_its_pin),
+        cmocka_unit_test(test_scene__names_the_vertex_that_is_not_finite),
+        cmocka_unit_test(test_scene__names_every_index_out_of_range),
+        cmocka_unit_test(test_scene__names_the_material_member_at_fault),
+        cmocka_unit_test(test_scene__blames_the_seam_that_ruins_the_surface),
+        cmocka_unit_test(test_scene__pins_of_one_node_must_agree),
+        cmocka_unit_test(test_scene__a_piece_that_nothing_holds_is_refused),
+        cmocka_unit_test(test_scene__counts_have_limits),
+        cmocka_unit_test(test_scene__a_vertex_of_no_triangle_is_carried_along),
+    };
+    return cmocka_run_group_tests_name("scene", tests, NULL, NULL);
+}

@@ -1,0 +1,450 @@
+/* test_sim.c - a run's public face: budgets, cancelling, verdicts, results, memory. */
+#include "test.h"
+
+#include "drape.h"
+#include "scarce.h"
+
+/* ---- scenes ------------------------------------------------------------------------------------- */
+
+#define SIDE 9
+#define VERTICES (SIDE * SIDE)
+#define TRIANGLES (2 * (SIDE - 1) * (SIDE - 1))
+
+struct example {
+    double positions[3 * VERTICES], pattern[2 * VERTICES];
+    uint32_t triangle[3 * TRIANGLES], pin[SIDE], seam[2 * SIDE];
+    drape_material material;
+    drape_body body;
+    drape_scene_desc desc;
+    drape_options options;
+};
+
+/* A horizontal square of 0.2 m hung by one edge. */
+static void make(struct example *e)
+{
+    memset(e, 0, sizeof *e);
+    size_t at = 0;
+    for (uint32_t i = 0; i < VERTICES; i++) {
+        double u = 0.2 * (i % SIDE) / (SIDE - 1), v = 0.2 * (i / SIDE) / (SIDE - 1);
+        e->pattern[2 * i] = u;
+        e->pattern[2 * i + 1] = v;
+        e->positions[3 * i] = u;
+        e->positions[3 * i + 2] = v;
+    }
+    for (uint32_t j = 0; j + 1 < SIDE; j++)
+        for (uint32_t i = 0; i + 1 < SIDE; i++) {
+            uint32_t a = j * SIDE + i, cell[] = {a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1};
+            memcpy(e->triangle + at, cell, sizeof cell);
+            at += 6;
+        }
+    for (uint32_t i = 0; i < SIDE; i++)
+        e->pin[i] = i;
+    e->material = (drape_material){.density = 0.1, .stretch_weft = 10, .stretch_warp = 10, .stretch_shear = 5,
+                                   .bend_weft = 1e-5, .bend_warp = 1e-5, .bend_twist = 5e-6};
+    e->desc = drape_scene_desc_default();
+    e->desc.vertices = VERTICES;
+    e->desc.triangles = TRIANGLES;
+    e->desc.pins = SIDE;
+    e->desc.materials = 1;
+    e->desc.positions = e->positions;
+    e->desc.pattern = e->pattern;
+    e->desc.triangle = e->triangle;
+    e->desc.pin = e->pin;
+    e->desc.material = &e->material;
+    e->options = drape_options_default();
+}
+
+/* The square cut in two along its middle row of triangles, the halves 30 mm apart, to be sewn. */
+static void cut(struct example *e)
+{
+    /* Rows 0..3 form the first half, rows 4..8 the second: rows 3 and 4 are sewn to each other and the
+     * strip of triangles between them goes. */
+    size_t kept = 0;
+    for (size_t t = 0; t < TRIANGLES; t++) {
+        uint32_t *corner = e->triangle + 3 * t;
+        unsigned low = 0;
+        for (int k = 0; k < 3; k++)
+            low += corner[k] / SIDE < 4;
+        if (low == 0 || low == 3) {
+            memmove(e->triangle + 3 * kept, corner, 3 * sizeof *corner);
+            kept++;
+        }
+    }
+    e->desc.triangles = kept;
+    for (uint32_t i = 0; i < SIDE; i++) {
+        e->seam[2 * i] = 3 * SIDE + i;
+        e->seam[2 * i + 1] = 4 * SIDE + i;
+    }
+    e->desc.seams = SIDE;
+    e->desc.seam = e->seam;
+    for (uint32_t i = 4 * SIDE; i < VERTICES; i++)
+        e->positions[3 * i + 2] += 0.03;
+}
+
+static drape_sim *run(struct example *e, drape_scene **ret_scene, drape_status expected)
+{
+    drape_sim *sim = NULL;
+    drape_error error = {0};
+    assert_int_equal(drape_scene_new(&e->desc, ret_scene, &error), DRAPE_OK);
+    assert_int_equal(drape_sim_new(*ret_scene, &e->options, &sim, &error), DRAPE_OK);
+    drape_status status = drape_sim_run(sim, &error);
+    if (status != expected)
+        fail_msg("%s: %s", drape_status_name(status), error.message);
+    return sim;
+}
+
+/* ---- tests -------------------------------------------------------------------------------------- */
+
+static void test_sim__hanging_square_comes_to_rest_and_says_so(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_OK);
+    const drape_report *report = drape_sim_report(sim);
+    assert_int_equal(report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_int_equal(report->method, DRAPE_METHOD_STOP_AND_GO);
+    assert_int_equal(report->stop_on, DRAPE_STOP_ON_KINETIC);
+    assert_true(report->state.residual_force <= e.options.tolerance);
+    assert_true(report->stops > 0 && report->factorizations == report->iterations + 1);
+    size_t rows, vertices;
+    const drape_row *row = drape_sim_trace(sim, &rows);
+    assert_int_equal(rows, report->iterations + 1);
+    for (size_t i = 0; i < rows; i++) {
+        const drape_energies *energy = &row[i].energy;
+        assert_int_equal(row[i].iteration, i);
+        assert_true(row[i].residual_energy >= 0 && row[i].time_step == e.options.time_step);
+        assert_near(energy->potential, energy->stretch + energy->bend + energy->gravity + energy->contact, 1e-14, 1e-3);
+        assert_true(energy->contact == 0);
+    }
+    const double *x = drape_sim_positions(sim, &vertices);
+    assert_int_equal(vertices, VERTICES);
+    for (int i = 0; i < SIDE; i++) /* pins have not moved by a bit */
+        assert_memory_equal(x + 3 * i, e.positions + 3 * i, 3 * sizeof *x);
+    assert_true(x[3 * (VERTICES - 1) + 1] < -0.2);
+    assert_true(report->peak_bytes > 10000 && report->terms >= 6 && report->stages >= 4);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__zero_iterations_evaluate_the_start(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    e.options.max_iterations = 0;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    const drape_report *report = drape_sim_report(sim);
+    size_t rows, vertices;
+    drape_sim_trace(sim, &rows);
+    assert_int_equal(rows, 1);
+    assert_int_equal(report->verdict, DRAPE_VERDICT_NOT_AT_REST);
+    assert_int_equal(report->iterations, 0);
+    assert_memory_equal(drape_sim_positions(sim, &vertices), e.positions, sizeof e.positions);
+    /* An inner node carries six third-triangles, the mean node the total over all of them. */
+    double inner = 0.04 / ((SIDE - 1) * (SIDE - 1)), mean = 0.04 / VERTICES;
+    assert_close(report->state.residual_force, inner / mean, 1e-12);
+    assert_near(report->state.energy.potential, 0, 1e-15, 1);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__running_out_of_iterations_returns_the_lowest_state(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    e.options.method = DRAPE_METHOD_DYNAMIC;
+    e.options.max_iterations = 37;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    const drape_report *report = drape_sim_report(sim);
+    size_t rows, vertices;
+    const drape_row *row = drape_sim_trace(sim, &rows);
+    assert_int_equal(rows, 38);
+    double lowest = row[1].energy.potential;
+    for (size_t i = 1; i < rows; i++) {
+        lowest = fmin(lowest, row[i].energy.potential);
+        assert_false(row[i].stop); /* plain dynamics never stops */
+    }
+    assert_true(report->state.energy.potential == lowest);
+    assert_true(memcmp(drape_sim_positions(sim, &vertices), e.positions, sizeof e.positions) != 0);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static int cancel_at_five(const drape_progress *progress, void *data)
+{
+    ++*(int *)data;
+    return progress->row.iteration == 5;
+}
+
+static void test_sim__the_callback_cancels_within_its_iteration(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    int calls = 0;
+    e.options.progress = cancel_at_five;
+    e.options.progress_data = &calls;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_CANCELLED);
+    assert_int_equal(calls, 6); /* iterations 0 to 5 */
+    assert_int_equal(drape_sim_report(sim)->iterations, 5);
+    assert_string_equal(drape_sim_report(sim)->reason, "cancelled");
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__a_run_cancelled_beforehand_ends_at_once(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_scene *scene;
+    drape_sim *sim;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(scene, &e.options, &sim, NULL), DRAPE_OK);
+    drape_sim_cancel(sim);
+    assert_int_equal(drape_sim_run(sim, NULL), DRAPE_CANCELLED);
+    assert_int_equal(drape_sim_report(sim)->iterations, 0);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__the_time_limit_ends_a_run(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    e.options.method = DRAPE_METHOD_DYNAMIC;
+    e.options.max_iterations = DRAPE_MAX_ITERATIONS;
+    e.options.time_limit = 0.05;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    assert_string_equal(drape_sim_report(sim)->reason, "the time limit ran out");
+    assert_true(drape_sim_report(sim)->iterations < DRAPE_MAX_ITERATIONS);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__options_are_refused_past_their_limits(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_scene *scene;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    const drape_options good[] = {
+        {.time_step = 1e-6, .tolerance = 1e-300, .max_iterations = DRAPE_MAX_ITERATIONS, .time_limit = 1e-9},
+        {.time_step = 1e3, .tolerance = 1e300, .max_iterations = 0, .time_limit = 1e300},
+    };
+    const struct {
+        drape_options options;
+        const char *member;
+    } bad[] = {
+        {{.method = (drape_method)3, .time_step = 1, .tolerance = 1, .time_limit = 1}, "method"},
+        {{.stop_on = (drape_stop_rule)2, .time_step = 1, .tolerance = 1, .time_limit = 1}, "stop_on"},
+        {{.time_step = 0.99e-6, .tolerance = 1, .time_limit = 1}, "time_step"},
+        {{.time_step = 1001, .tolerance = 1, .time_limit = 1}, "time_step"},
+        {{.time_step = NAN, .tolerance = 1, .time_limit = 1}, "time_step"},
+        {{.time_step = 1, .tolerance = 0, .time_limit = 1}, "tolerance"},
+        {{.time_step = 1, .tolerance = NAN, .time_limit = 1}, "tolerance"},
+        {{.time_step = 1, .tolerance = 1, .time_limit = 1, .max_iterations = DRAPE_MAX_ITERATIONS + 1}, "max_iterations"},
+        {{.time_step = 1, .tolerance = 1, .time_limit = 0}, "time_limit"},
+        {{.time_step = 1, .tolerance = 1, .time_limit = INFINITY}, "time_limit"},
+    };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        drape_sim *sim = NULL;
+        assert_int_equal(drape_sim_new(scene, &good[i], &sim, NULL), DRAPE_OK);
+        drape_sim_free(sim);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        drape_sim *sim = NULL;
+        drape_error error;
+        assert_int_equal(drape_sim_new(scene, &bad[i].options, &sim, &error), DRAPE_EINVAL);
+        assert_int_equal(error.place, DRAPE_AT_OPTION);
+        assert_string_equal(error.member, bad[i].member);
+        assert_null(sim);
+    }
+    drape_scene_free(scene);
+}
+
+static void test_sim__the_same_input_gives_the_same_bytes(void **state)
+{
+    (void)state;
+    double first[3 * VERTICES];
+    for (int round = 0; round < 2; round++) {
+        struct example e;
+        make(&e);
+        cut(&e);
+        drape_scene *scene;
+        size_t vertices;
+        drape_sim *sim = run(&e, &scene, DRAPE_OK);
+        if (!round)
+            memcpy(first, drape_sim_positions(sim, &vertices), sizeof first);
+        else
+            assert_memory_equal(first, drape_sim_positions(sim, &vertices), sizeof first);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+}
+
+static void test_sim__open_seams_are_sewn_then_share_their_position(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    cut(&e);
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_OK);
+    const drape_report *report = drape_sim_report(sim);
+    size_t vertices;
+    const double *x = drape_sim_positions(sim, &vertices);
+    assert_true(report->sewing_iterations > 1 && report->seam_gap > 0 && report->seam_gap <= 1e-3);
+    assert_int_equal(report->nodes, VERTICES - SIDE);
+    for (int i = 0; i < SIDE; i++)
+        assert_memory_equal(x + 3 * e.seam[2 * i], x + 3 * e.seam[2 * i + 1], 3 * sizeof *x);
+    /* It hangs as one cloth, seven rows of 25 mm long (the eighth strip is gone), stretched a little. */
+    assert_true(x[3 * (VERTICES - 1) + 1] < -0.175 && x[3 * (VERTICES - 1) + 1] > -0.180);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__cloth_lands_on_a_sphere_and_a_plane(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_body bodies[] = {
+        {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.1, -0.06, 0.1}, .radius = 0.05},
+        {.kind = DRAPE_BODY_PLANE, .offset = 0.003, .point = {0, -0.11, 0}, .axis = {0, 1, 0}},
+    };
+    e.desc.body = bodies;
+    e.desc.bodies = 2;
+    e.desc.pins = 0;
+    e.options.tolerance = 1e-2;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_OK);
+    const drape_report *report = drape_sim_report(sim);
+    assert_int_equal(report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_int_equal(report->penetrations, 0);
+    assert_true(report->state.energy.contact > 0);
+    size_t vertices;
+    const double *x = drape_sim_positions(sim, &vertices);
+    for (size_t i = 0; i < vertices; i++) {
+        double dx = x[3 * i] - 0.1, dy = x[3 * i + 1] + 0.06, dz = x[3 * i + 2] - 0.1;
+        assert_true(sqrt(dx * dx + dy * dy + dz * dz) > 0.05 && x[3 * i + 1] > -0.11);
+    }
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__a_piece_that_misses_the_body_slides_off(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_body ball = {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {5, -0.2, 0}, .radius = 0.05};
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.desc.pins = 0;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    assert_int_equal(drape_sim_report(sim)->verdict, DRAPE_VERDICT_SLID_OFF);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+#ifdef CAN_FAIL_ALLOCATIONS
+static int note_allocations(const drape_progress *progress, void *data)
+{
+    long *at = data; /* by iteration, the first 64 */
+    if (progress->row.iteration < 64)
+        at[progress->row.iteration] = asked;
+    return 0;
+}
+
+static void test_sim__iterations_allocate_nothing_of_their_own(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    long at[64] = {0};
+    e.options.progress = note_allocations;
+    e.options.progress_data = at;
+    e.options.max_iterations = 60;
+    e.options.tolerance = 1e-9;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    /* CHOLMOD takes and returns two workspaces of its own at each factorisation. */
+    for (int i = 3; i < 60; i++)
+        assert_in_range(at[i] - at[i - 1], 0, 2);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static void test_sim__every_allocation_may_fail(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    cut(&e);
+    drape_body ball = {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.1, -0.5, 0.1}, .radius = 0.05};
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 2;
+    long failed = 0;
+    for (long n = 0;; n++) {
+        drape_scene *scene = NULL;
+        drape_sim *sim = NULL;
+        drape_error error = {0};
+        long before = held;
+        countdown = n;
+        drape_status status = drape_scene_new(&e.desc, &scene, &error);
+        if (status >= 0)
+            status = drape_sim_new(scene, &e.options, &sim, &error);
+        if (status >= 0)
+            status = drape_sim_run(sim, &error);
+        bool reached = countdown < 0;
+        countdown = -1;
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+        assert_int_equal(held, before);
+        if (!reached)
+            break;
+        if (status < 0) { /* a failure may also be survived, as by CHOLMOD's second try */
+            assert_int_equal(status, DRAPE_ENOMEM);
+            assert_int_equal(error.status, DRAPE_ENOMEM);
+            failed++;
+        }
+    }
+    print_message("made %ld allocations fail\n", failed);
+    assert_true(failed > 50);
+}
+#endif
+
+int main(void)
+{
+    drape_blas_prepare();
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sim__hanging_square_comes_to_rest_and_says_so),
+        cmocka_unit_test(test_sim__zero_iterations_evaluate_the_start),
+        cmocka_unit_test(test_sim__running_out_of_iterations_returns_the_lowest_state),
+        cmocka_unit_test(test_sim__the_callback_cancels_within_its_iteration),
+        cmocka_unit_test(test_sim__a_run_cancelled_beforehand_ends_at_once),
+        cmocka_unit_test(test_sim__the_time_limit_ends_a_run),
+        cmocka_unit_test(test_sim__options_are_refused_past_their_limits),
+        cmocka_unit_test(test_sim__the_same_input_gives_the_same_bytes),
+        cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),
+        cmocka_unit_test(test_sim__cloth_lands_on_a_sphere_and_a_plane),
+        cmocka_unit_test(test_sim__a_piece_that_misses_the_body_slides_off),
+#ifdef CAN_FAIL_ALLOCATIONS
+        cmocka_unit_test(test_sim__iterations_allocate_nothing_of_their_own),
+        cmocka_unit_test(test_sim__every_allocation_may_fail),
+#endif
+    };
+    return cmocka_run_group_tests_name("sim", tests, NULL, NULL);
+}
