@@ -12,13 +12,13 @@
 
 struct dr_cloth {
     const struct dr_mesh *mesh;
-    const struct dr_bend *bend;  /* NULL: left out */
+    const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
-    struct dr_contact *contact;  /* NULL: left out */
+    struct dr_contact *contact; /* NULL: left out */
     struct dr_matrix *A;
-    double gravity[3];           /* zero while sewing */
-    double *start;               /* 3*nodes: where gravity's energy is zero */
-    double *stress;              /* 3*triangles: what the geometric stiffness is built from */
+    double gravity[3]; /* zero while sewing */
+    double *start;     /* 3*nodes: where gravity's energy is zero */
+    double *stress;    /* 3*triangles: what the geometric stiffness is built from */
 };
 
 /* `start`: 3*nodes, copied. `link`: 2*links node pairs for springs (sewing), NULL if 0. The mesh, the

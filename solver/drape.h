@@ -35,11 +35,11 @@ typedef struct drape_sim drape_sim;     /* what moves: positions, velocities, wo
 
 typedef enum drape_status {
     DRAPE_OK = 0,
-    DRAPE_NOT_AT_REST = 1,  /* a budget was spent, or nothing can come to rest; best state is there */
-    DRAPE_CANCELLED = 2,    /* drape_sim_cancel or the progress callback; best state is there */
-    DRAPE_EINVAL = -1,      /* the input is wrong; the error says where */
+    DRAPE_NOT_AT_REST = 1, /* a budget was spent, or nothing can come to rest; best state is there */
+    DRAPE_CANCELLED = 2,   /* drape_sim_cancel or the progress callback; best state is there */
+    DRAPE_EINVAL = -1,     /* the input is wrong; the error says where */
     DRAPE_ENOMEM = -2,
-    DRAPE_ENUMERIC = -3     /* a non-finite number or a factorisation that failed at every attempt */
+    DRAPE_ENUMERIC = -3 /* a non-finite number or a factorisation that failed at every attempt */
 } drape_status;
 
 const char *drape_status_name(drape_status status); /* "not-at-rest"; stable, never NULL */
@@ -77,20 +77,20 @@ typedef struct drape_error {
  * D33 = shear, where nu = poisson is the geometric mean of the two Poisson ratios.
  * Bending: plate rigidities on the curvatures (k_uu, k_vv, 2 k_uv): diag(weft, warp, twist). */
 typedef struct drape_material {
-    double density;      /* kg/m^2, > 0 */
-    double stretch_weft; /* N/m, > 0 */
-    double stretch_warp; /* N/m, > 0 */
-    double stretch_shear;/* N/m, > 0 */
-    double poisson;      /* (-1, 1) */
-    double bend_weft;    /* N m, >= 0 */
-    double bend_warp;    /* N m, >= 0 */
-    double bend_twist;   /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
+    double density;       /* kg/m^2, > 0 */
+    double stretch_weft;  /* N/m, > 0 */
+    double stretch_warp;  /* N/m, > 0 */
+    double stretch_shear; /* N/m, > 0 */
+    double poisson;       /* (-1, 1) */
+    double bend_weft;     /* N m, >= 0 */
+    double bend_warp;     /* N m, >= 0 */
+    double bend_twist;    /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
 } drape_material;
 
 typedef enum drape_body_kind {
     DRAPE_BODY_MESH = 0, /* closed triangle mesh, outward normals; a few self-crossings are fine */
     DRAPE_BODY_SPHERE,
-    DRAPE_BODY_PLANE,    /* solid on the side away from the normal */
+    DRAPE_BODY_PLANE, /* solid on the side away from the normal */
     DRAPE_BODY_CAPSULE
 } drape_body_kind;
 
@@ -101,9 +101,9 @@ typedef struct drape_body {
     const double *positions;  /* MESH: 3*vertices */
     const uint32_t *triangle; /* MESH: 3*triangles */
     size_t vertices, triangles;
-    double point[3];          /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
-    double axis[3];           /* PLANE outward normal, any length > 0; CAPSULE the other end */
-    double radius;            /* SPHERE, CAPSULE: m, > 0 */
+    double point[3]; /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
+    double axis[3];  /* PLANE outward normal, any length > 0; CAPSULE the other end */
+    double radius;   /* SPHERE, CAPSULE: m, > 0 */
 } drape_body;
 
 /* All arrays are the caller's and are copied; none need outlive drape_scene_new. */
@@ -127,9 +127,9 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_DEFAULT_OFFSET 0.003
 
 /* Sizes past which a scene is refused (the arrays are indexed with 32 bits; see solver/scene.c). */
-#define DRAPE_MAX_VERTICES 1000000
+#define DRAPE_MAX_VERTICES  1000000
 #define DRAPE_MAX_TRIANGLES 2000000
-#define DRAPE_MAX_BODIES 16
+#define DRAPE_MAX_BODIES    16
 
 /* Everything that drape_scene_new would refuse except what only building the bodies' distance
  * fields can tell; costs O(input) time. For the border of a service. */
@@ -155,7 +155,7 @@ typedef enum drape_stop_rule {
 
 typedef struct drape_energies { /* joules */
     double stretch, bend;
-    double gravity;   /* relative to the start */
+    double gravity; /* relative to the start */
     double contact;
     double kinetic;
     double potential; /* stretch + bend + gravity + contact */
@@ -166,34 +166,35 @@ typedef enum drape_phase { DRAPE_PHASE_SEWING = 0, DRAPE_PHASE_DRAPING } drape_p
 /* One iteration; row 0 is the start (after sewing). One row of the trace. */
 typedef struct drape_row {
     uint32_t iteration;
-    double seconds;           /* since drape_sim_run began, sewing included */
+    double seconds; /* since drape_sim_run began, sewing included */
     drape_energies energy;
-    double residual_energy;   /* J: an estimate of E - E*, half the Newton decrement 1/2 f'A^-1 f of the
-                               * step that left this state; see drape_report */
-    double residual_force;    /* max over free nodes of |f_i| / (mean node mass * |g|) */
-    bool stop;                /* all velocities were cut to zero at this state */
-    double time_step;         /* s */
+    double residual_energy;     /* J: an estimate of E - E*: half the Newton decrement 1/2 f'A^-1 f with the
+                                 * step matrix A. A holds M/dt^2, so the estimate is low while slow modes
+                                 * are left: 5 to 100 times on the paper's square until it hangs still */
+    double residual_force;      /* max over free nodes of |f_i| / (mean node mass * |g|) */
+    bool stop;                  /* all velocities were cut to zero at this state */
+    double time_step;           /* s */
     uint32_t linear_iterations; /* back-solves of the step that led here */
 } drape_row;
 
 typedef struct drape_progress {
     drape_phase phase;
-    drape_row row;           /* while sewing: iteration counts sewing steps, energies as far as known */
-    uint32_t stops;          /* so far */
-    double seam_gap;         /* m: largest distance between vertices of one seam; 0 once welded */
+    drape_row row;   /* while sewing: iteration counts sewing steps, energies as far as known */
+    uint32_t stops;  /* so far */
+    double seam_gap; /* m: largest distance between vertices of one seam; 0 once welded */
 } drape_progress;
 
 /* Runs on the solving thread after each iteration and must not call into the same sim except
  * drape_sim_cancel. Nonzero cancels. */
 typedef int drape_progress_fn(const drape_progress *progress, void *data);
 
-typedef struct drape_options { /* start from drape_options_default() */
-    drape_method method;       /* DRAPE_METHOD_AUTO */
-    drape_stop_rule stop_on;   /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
-    double time_step;          /* s, [1e-6, 1e3]; 0.02 */
-    double tolerance;          /* at rest when residual_force <= tolerance, > 0; 1e-3 */
-    uint32_t max_iterations;   /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
-    double time_limit;         /* s of wall time, > 0; 120 */
+typedef struct drape_options {   /* start from drape_options_default() */
+    drape_method method;         /* DRAPE_METHOD_AUTO */
+    drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
+    double time_step;            /* s, [1e-6, 1e3]; 0.02 */
+    double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
+    uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
+    double time_limit;           /* s of wall time, > 0; 120 */
     drape_progress_fn *progress; /* may be NULL */
     void *progress_data;
 } drape_options;
@@ -220,15 +221,15 @@ void drape_sim_cancel(drape_sim *sim);
 typedef enum drape_verdict {
     DRAPE_VERDICT_NOT_AT_REST = 0,
     DRAPE_VERDICT_AT_REST,
-    DRAPE_VERDICT_SLID_OFF,     /* a piece that nothing holds fell below every body */
-    DRAPE_VERDICT_INTERSECTING  /* a node ended deeper than 1 mm inside a body */
+    DRAPE_VERDICT_SLID_OFF,    /* a piece that nothing holds fell below every body */
+    DRAPE_VERDICT_INTERSECTING /* a node ended deeper than 1 mm inside a body */
 } drape_verdict;
 
 const char *drape_verdict_name(drape_verdict verdict); /* "at-rest": the name the HTTP contract uses */
 
 /* One term of the compiled plan: what this scene needed, what it left out, and why. */
 typedef struct drape_term {
-    const char *name;   /* "stretch", "bend", "contact", "sewing", ... */
+    const char *name; /* "stretch", "bend", "contact", "sewing", ... */
     bool kept;
     size_t bytes;       /* memory held by it; 0 when left out */
     const char *reason; /* static string: "no body in the scene"; "" when kept */
@@ -246,25 +247,25 @@ typedef struct drape_stage { /* where the seconds went */
 /* Valid after drape_sim_run returned >= 0. Plain data, no pointers to free. */
 typedef struct drape_report {
     drape_verdict verdict;
-    const char *reason;          /* static string: why it ended */
-    drape_method method;         /* the one that ran: never AUTO */
-    drape_stop_rule stop_on;     /* the rule that ran */
+    const char *reason;      /* static string: why it ended */
+    drape_method method;     /* the one that ran: never AUTO */
+    drape_stop_rule stop_on; /* the rule that ran */
     uint32_t iterations, stops, factorizations, solves;
     uint32_t sewing_iterations;
-    double seam_gap;             /* m: largest gap left when the seams were welded; 0 without seams */
+    double seam_gap; /* m: largest gap left when the seams were welded; 0 without seams */
     double seconds;
-    drape_row state;             /* the row of the state that drape_sim_positions returns */
-    uint32_t penetrations;       /* nodes inside a body (distance < 0) in that state */
-    double deepest;              /* m: depth of the deepest of them; 0 when none */
-    size_t nodes, free_nodes;    /* after welding */
-    size_t peak_bytes;           /* held by scene and sim together */
+    drape_row state;          /* the row of the state that drape_sim_positions returns */
+    uint32_t penetrations;    /* nodes inside a body (distance < 0) in that state */
+    double deepest;           /* m: depth of the deepest of them; 0 when none */
+    size_t nodes, free_nodes; /* after welding */
+    size_t peak_bytes;        /* held by scene and sim together */
     drape_term term[DRAPE_MAX_TERMS];
     size_t terms;
     drape_stage stage[DRAPE_MAX_STAGES];
     size_t stages;
 } drape_report;
 
-const drape_report *drape_sim_report(const drape_sim *sim);        /* lives as long as the sim */
+const drape_report *drape_sim_report(const drape_sim *sim); /* lives as long as the sim */
 const drape_row *drape_sim_trace(const drape_sim *sim, size_t *ret_rows);
 
 /* The best state (at rest: the last; else the lowest potential energy seen), in the job's own

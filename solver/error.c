@@ -4,38 +4,17 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-static void fill(drape_error *error, drape_status status, drape_place place, int64_t element, int64_t body,
-                 const char *member, const char *format, va_list args)
+void dr_error_set(drape_error *reterr, drape_status status, drape_place place, int64_t element, int64_t body,
+                  const char *member, const char *format, ...)
 {
-    if (!error)
+    if (!reterr)
         return;
-    *error = (drape_error){.status = status, .place = place, .element = element, .body = body, .member = member};
-    vsnprintf(error->message, sizeof error->message, format, args);
-}
-
-drape_status dr_fail(drape_error *reterr, drape_status status, drape_place place, int64_t element,
-                     const char *format, ...)
-{
+    *reterr =
+        (drape_error){.status = status, .place = place, .element = element, .body = body, .member = member};
     va_list args;
     va_start(args, format);
-    fill(reterr, status, place, element, -1, NULL, format, args);
+    vsnprintf(reterr->message, sizeof reterr->message, format, args);
     va_end(args);
-    return status;
-}
-
-drape_status dr_fail_at(drape_error *reterr, drape_status status, drape_place place, int64_t element,
-                        int64_t body, const char *member, const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    fill(reterr, status, place, element, body, member, format, args);
-    va_end(args);
-    return status;
-}
-
-drape_status dr_out_of_memory(drape_error *reterr)
-{
-    return dr_fail(reterr, DRAPE_ENOMEM, DRAPE_AT_NOWHERE, -1, "out of memory");
 }
 
 const char *drape_status_name(drape_status status)

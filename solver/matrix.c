@@ -28,25 +28,25 @@ struct slot {
 
 struct dr_matrix {
     const struct dr_mesh *mesh;
-    size_t free;              /* free nodes */
-    uint32_t *row;            /* nodes: free number in elimination order, DR_NONE if held */
-    uint32_t *node;           /* free: the node of each */
-    size_t *block_start;      /* free+1: into block_row */
-    uint32_t *block_row;      /* blocks: ascending, the diagonal first */
-    struct slot *diagonal;    /* free */
-    struct slot *triangle;    /* 6 per triangle: corner pairs 00 10 11 20 21 22 */
-    struct slot *link;        /* links: their off-diagonal block */
-    uint32_t *link_node;      /* 2*links */
+    size_t free;           /* free nodes */
+    uint32_t *row;         /* nodes: free number in elimination order, DR_NONE if held */
+    uint32_t *node;        /* free: the node of each */
+    size_t *block_start;   /* free+1: into block_row */
+    uint32_t *block_row;   /* blocks: ascending, the diagonal first */
+    struct slot *diagonal; /* free */
+    struct slot *triangle; /* 6 per triangle: corner pairs 00 10 11 20 21 22 */
+    struct slot *link;     /* links: their off-diagonal block */
+    uint32_t *link_node;   /* 2*links */
     size_t links;
-    double *base;             /* values of M/dt^2 + bending */
+    double *base; /* values of M/dt^2 + bending */
     size_t bends;
-    struct slot *bend_slot;   /* bends: block of each entry of the bending stiffness */
+    struct slot *bend_slot; /* bends: block of each entry of the bending stiffness */
     double *bend_value;
     cholmod_common common;
     cholmod_sparse *A;
     cholmod_factor *L;
-    cholmod_dense *w;         /* right-hand sides, then solutions: two columns */
-    cholmod_dense *e;         /* workspace of the triangular solves */
+    cholmod_dense *w; /* right-hand sides, then solutions: two columns */
+    cholmod_dense *e; /* workspace of the triangular solves */
 };
 
 /* ---- pattern ---------------------------------------------------------------------------------- */
@@ -163,7 +163,8 @@ static bool build_columns(struct dr_matrix *A, const struct pairs *pairs)
     A->block_start[A->free] = at;
 
     size_t entries = 9 * at - 3 * A->free; /* a diagonal block has 6, the others 9 */
-    A->A = cholmod_allocate_sparse(3 * A->free, 3 * A->free, entries, true, true, -1, CHOLMOD_REAL, &A->common);
+    A->A =
+        cholmod_allocate_sparse(3 * A->free, 3 * A->free, entries, true, true, -1, CHOLMOD_REAL, &A->common);
     if (!A->A)
         return false;
     int *p = A->A->p, *i = A->A->i;
@@ -207,7 +208,8 @@ static struct slot find_slot(const struct dr_matrix *A, uint32_t node_row, uint3
     return (struct slot){p[3 * (size_t)column] + 3 * (int)(low - first), length | transposed};
 }
 
-static bool build_slots(struct dr_matrix *A, const struct dr_bend_stiffness *bend, const uint32_t *link, size_t links)
+static bool build_slots(struct dr_matrix *A, const struct dr_bend_stiffness *bend, const uint32_t *link,
+                        size_t links)
 {
     const struct dr_mesh *mesh = A->mesh;
     A->bends = bend ? bend->start[bend->nodes] : 0;
@@ -259,8 +261,8 @@ static bool analyse(struct dr_matrix *A)
     return A->w && A->e;
 }
 
-drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend, const uint32_t *link,
-                           size_t links, struct dr_matrix **ret, drape_error *reterr)
+drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
+                           const uint32_t *link, size_t links, struct dr_matrix **ret, drape_error *reterr)
 {
     struct pairs pairs = {NULL, 0};
     drape_status status = DRAPE_ENOMEM;
@@ -290,8 +292,8 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
         bool ordered = order_nodes(A, &pairs);
         free(pairs.key);
         pairs.key = NULL;
-        if (!ordered || !collect_pairs(mesh, bend, link, links, A->row, &pairs) || !build_columns(A, &pairs) ||
-            !build_slots(A, bend, link, links) || !analyse(A))
+        if (!ordered || !collect_pairs(mesh, bend, link, links, A->row, &pairs) ||
+            !build_columns(A, &pairs) || !build_slots(A, bend, link, links) || !analyse(A))
             goto cleanup;
     }
     status = DRAPE_OK;
@@ -302,9 +304,10 @@ cleanup:
     free(pairs.key);
     dr_matrix_free(A);
     if (status == DRAPE_EINVAL)
-        dr_fail(reterr, status, DRAPE_AT_NOWHERE, -1, "the step matrix needs more than 2^31 entries: too many vertices");
-    else if (status < 0)
-        dr_out_of_memory(reterr);
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_NOWHERE, -1,
+                       "the step matrix needs more than 2^31 entries: too many vertices");
+    if (status < 0)
+        return dr_out_of_memory(reterr);
     return status;
 }
 
@@ -383,8 +386,8 @@ static void add_block(double *value, struct slot slot, const double *H)
 }
 
 /* Adds xx yx yy zx zy zz to a diagonal slot. */
-static void add_diagonal(double *value, struct slot slot, double xx, double yx, double yy, double zx, double zy,
-                         double zz)
+static void add_diagonal(double *value, struct slot slot, double xx, double yx, double yy, double zx,
+                         double zy, double zz)
 {
     int length = (int)slot.length;
     if (!length)

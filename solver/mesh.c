@@ -15,7 +15,7 @@
 struct side {
     uint32_t low, high; /* nodes, low < high */
     uint32_t triangle;
-    uint8_t corner;     /* opposite this side */
+    uint8_t corner; /* opposite this side */
 };
 
 static int compare_sides(const void *left, const void *right)
@@ -48,7 +48,8 @@ static drape_status find_neighbors(struct dr_mesh *mesh, drape_error *reterr)
 
     drape_status status = DRAPE_OK;
     for (size_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && side[end].low == side[i].low && side[end].high == side[i].high; end++)
+        for (end = i + 1; end < count && side[end].low == side[i].low && side[end].high == side[i].high;
+             end++)
             continue;
         if (end - i > 2) {
             status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_TRIANGLE, side[i + 2].triangle,
@@ -79,7 +80,8 @@ static drape_status measure_triangle(struct dr_mesh *mesh, size_t t, const uint3
                        "two corners are the same point (node %u %u %u)", node[0], node[1], node[2]);
     for (int k = 0; k < 3; k++)
         for (int d = 0; d < 2; d++)
-            rest[2 * k + d] = pattern[2 * corner_vertex[3 * t + k] + d] - pattern[2 * corner_vertex[3 * t] + d];
+            rest[2 * k + d] =
+                pattern[2 * corner_vertex[3 * t + k] + d] - pattern[2 * corner_vertex[3 * t] + d];
 
     double twice = rest[2] * rest[5] - rest[4] * rest[3]; /* signed */
     double longest = 0;                                   /* squared */

@@ -12,17 +12,17 @@
 
 struct dr_mesh {
     size_t nodes, triangles;
-    uint32_t *triangle;  /* 3*triangles: node of each corner */
-    double *rest;        /* 6*triangles: (u,v) of the three corners in the triangle's own frame, m;
-                          * may be oriented either way */
-    double *area;        /* triangles: rest area, m^2, > 0 */
-    double *grad;        /* 6*triangles: d(barycentric a)/d(u,v) at [6t + 2a + 0..1], 1/m */
-    uint32_t *neighbor;  /* 3*triangles: across the edge opposite corner k runs triangle
-                          * neighbor[3t+k]; DR_NONE on a free edge */
-    uint8_t *across;     /* 3*triangles: the corner of that neighbour opposite the same edge */
-    uint32_t *material;  /* triangles */
-    bool *held;          /* nodes: pinned */
-    double *mass;        /* nodes: kg, a third of each incident rest area times its density */
+    uint32_t *triangle; /* 3*triangles: node of each corner */
+    double *rest;       /* 6*triangles: (u,v) of the three corners in the triangle's own frame, m;
+                         * may be oriented either way */
+    double *area;       /* triangles: rest area, m^2, > 0 */
+    double *grad;       /* 6*triangles: d(barycentric a)/d(u,v) at [6t + 2a + 0..1], 1/m */
+    uint32_t *neighbor; /* 3*triangles: across the edge opposite corner k runs triangle
+                         * neighbor[3t+k]; DR_NONE on a free edge */
+    uint8_t *across;    /* 3*triangles: the corner of that neighbour opposite the same edge */
+    uint32_t *material; /* triangles */
+    bool *held;         /* nodes: pinned */
+    double *mass;       /* nodes: kg, a third of each incident rest area times its density */
 };
 
 /* `triangle` holds nodes, `pattern` is looked up through `corner_vertex` (3*triangles, vertex of

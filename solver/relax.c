@@ -14,25 +14,25 @@
 #include "sim.h"
 
 #define CONTACT_DEPTH 0.002 /* m below a body's surface that one step may end: nothing tunnels */
-#define LONGEST_MOVE 0.02   /* m per node and step where there are bodies; see contact.h */
+#define LONGEST_MOVE  0.02  /* m per node and step where there are bodies; see contact.h */
 #define MOST_HALVINGS 10    /* of a step that raises the incremental potential */
-#define SUNK 1e-3           /* m inside a body from which the verdict is "intersecting" */
+#define SUNK          1e-3  /* m inside a body from which the verdict is "intersecting" */
 
 /* Everything one run moves. Arrays are 3*nodes. */
 struct state {
     struct drape_sim *sim;
     struct dr_cloth *cloth;
-    double *x, *v, *f;          /* where we are */
-    double *inertia;            /* M v/dt, N */
-    double *w, *w_inertia;      /* A^-1 f and A^-1 M v/dt; then w is the step */
-    double *x_next, *f_next;    /* where the step leads */
-    double *best;               /* lowest potential energy seen */
+    double *x, *v, *f;       /* where we are */
+    double *inertia;         /* M v/dt, N */
+    double *w, *w_inertia;   /* A^-1 f and A^-1 M v/dt; then w is the step */
+    double *x_next, *f_next; /* where the step leads */
+    double *best;            /* lowest potential energy seen */
     drape_row best_row;
     drape_row row;
-    double weight;              /* N: what residual_force is relative to */
+    double weight;                               /* N: what residual_force is relative to */
     double previous_potential, previous_kinetic; /* J, one iteration back */
-    double work;                /* J: work of the potential forces over the last step, by the trapezoid rule */
-    bool moving;                /* velocities may be nonzero */
+    double work; /* J: work of the potential forces over the last step, by the trapezoid rule */
+    bool moving; /* velocities may be nonzero */
 };
 
 static bool allocate(struct state *s, size_t nodes)
@@ -141,7 +141,8 @@ static drape_status solve_step(struct state *s, drape_error *reterr)
     double factorised = dr_clock();
     sim->report.factorizations++;
     if (ok)
-        dr_matrix_solve(s->cloth->A, 2, (const double *[]){s->f, s->inertia}, (double *[]){s->w, s->w_inertia});
+        dr_matrix_solve(s->cloth->A, 2, (const double *[]){s->f, s->inertia},
+                        (double *[]){s->w, s->w_inertia});
     sim->report.solves += 2;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += factorised - assembled;
@@ -280,7 +281,7 @@ static const char *ending(const struct state *s, drape_verdict *ret_verdict)
         return "cancelled";
     if (s->row.iteration == sim->options.max_iterations)
         return "the iterations ran out";
-    if (dr_sim_interrupted(sim))
+    if (s->row.iteration && dr_sim_interrupted(sim)) /* the undraped start is never the result */
         return "the time limit ran out";
     return NULL;
 }

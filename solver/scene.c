@@ -43,14 +43,17 @@ static drape_status check_counts(const drape_scene_desc *desc, drape_error *rete
             return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, row[i].member,
                               "%zu are more than the limit of %zu", row[i].count, row[i].most);
         if (row[i].count && !row[i].array)
-            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, row[i].member, "the array is missing");
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, row[i].member,
+                              "the array is missing");
     }
     if (desc->vertices < 3)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "vertices", "a cloth has at least 3");
     if (!desc->triangles)
-        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "triangles", "a cloth has at least 1");
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "triangles",
+                          "a cloth has at least 1");
     if (!desc->materials)
-        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "materials", "a cloth has at least 1");
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "materials",
+                          "a cloth has at least 1");
     return DRAPE_OK;
 }
 
@@ -74,7 +77,8 @@ static drape_status check_materials(const drape_scene_desc *desc, drape_error *r
         for (size_t i = 0; i < sizeof row / sizeof *row; i++)
             if (!isfinite(row[i].value) || row[i].value < 0 || (row[i].value == 0 && !row[i].zero_allowed))
                 return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, row[i].member,
-                                  "%g is not a finite number %s 0", row[i].value, row[i].zero_allowed ? ">=" : ">");
+                                  "%g is not a finite number %s 0", row[i].value,
+                                  row[i].zero_allowed ? ">=" : ">");
         if (!(fabs(material->poisson) < 1)) /* D is positive definite just then */
             return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, "poisson",
                               "%g is not between -1 and 1, both excluded", material->poisson);
@@ -103,8 +107,8 @@ static drape_status check_indices(const drape_scene_desc *desc, drape_error *ret
                            desc->seam[2 * s]);
     for (size_t i = 0; i < desc->pins; i++)
         if (desc->pin[i] >= desc->vertices)
-            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i, "vertex %u does not exist: there are %zu",
-                           desc->pin[i], desc->vertices);
+            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i,
+                           "vertex %u does not exist: there are %zu", desc->pin[i], desc->vertices);
     return DRAPE_OK;
 }
 
@@ -112,9 +116,11 @@ static drape_status check_numbers(const drape_scene_desc *desc, drape_error *ret
 {
     size_t bad;
     if (!all_finite(desc->positions, 3 * desc->vertices, &bad))
-        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_VERTEX, (int64_t)(bad / 3), "the position is not finite");
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_VERTEX, (int64_t)(bad / 3),
+                       "the position is not finite");
     if (!all_finite(desc->pattern, 2 * desc->vertices, &bad))
-        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2), "the pattern coordinate is not finite");
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2),
+                       "the pattern coordinate is not finite");
     if (!all_finite(desc->gravity, 3, &bad))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity", "it is not finite");
     return DRAPE_OK;
@@ -156,8 +162,8 @@ static drape_status number_nodes(const drape_scene_desc *desc, uint32_t *vertex_
         used[desc->triangle[i]] = true;
     for (size_t i = 0; i < 2 * desc->seams; i++)
         if (!used[desc->seam[i]]) {
-            status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)(i / 2), "vertex %u belongs to no triangle",
-                             desc->seam[i]);
+            status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)(i / 2),
+                             "vertex %u belongs to no triangle", desc->seam[i]);
             goto cleanup;
         }
     for (size_t s = 0; s < desc->seams; s++)
@@ -191,8 +197,10 @@ static drape_status check_pins(const drape_scene_desc *desc, const uint32_t *ver
             continue;
         if (first[node] == DR_NONE)
             first[node] = desc->pin[i];
-        const double *a = desc->positions + 3 * (size_t)first[node], *b = desc->positions + 3 * (size_t)desc->pin[i];
-        double gap = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+        const double *a = desc->positions + 3 * (size_t)first[node],
+                     *b = desc->positions + 3 * (size_t)desc->pin[i];
+        double gap = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                          (a[2] - b[2]) * (a[2] - b[2]));
         if (gap > DR_WELD_GAP)
             status = dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i,
                              "vertices %u and %u are sewn together but pinned %.3g m apart", first[node],
@@ -242,14 +250,15 @@ static void *copy_of(const void *source, size_t count, size_t size)
     return copy;
 }
 
-static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes, drape_error *reterr)
+static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes,
+                               drape_error *reterr)
 {
-    drape_status status = DRAPE_ENOMEM;
+    drape_status status;
     double *density = malloc(desc->materials * sizeof *density);
     uint32_t *corner_node = malloc(3 * desc->triangles * sizeof *corner_node);
     bool *held = calloc(desc->vertices, sizeof *held); /* by vertex, then by node */
     if (!density || !corner_node || !held) {
-        dr_out_of_memory(reterr);
+        status = dr_out_of_memory(reterr);
         goto cleanup;
     }
     for (size_t m = 0; m < desc->materials; m++)
@@ -376,7 +385,7 @@ static drape_status new_bends(const drape_scene_desc *desc, drape_scene *scene, 
 
 static drape_status new_bodies(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
-    scene->body = calloc(desc->bodies ? desc->bodies : 1, sizeof *scene->body);
+    scene->body = calloc(desc->bodies ? desc->bodies : 1, sizeof(struct dr_body *));
     if (!scene->body)
         return dr_out_of_memory(reterr);
     scene->bodies = desc->bodies;

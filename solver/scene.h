@@ -19,8 +19,8 @@ struct drape_scene {
     uint32_t *vertex_node; /* vertices: node of each; DR_NONE for a vertex of no triangle */
     double *vertex_share;  /* vertices: its weight in its node's position; they sum to 1 */
     size_t seams;
-    uint32_t *seam;        /* 2*seams */
-    double seam_gap;       /* m: widest seam at the start */
+    uint32_t *seam;  /* 2*seams */
+    double seam_gap; /* m: widest seam at the start */
     size_t materials;
     drape_material *material;
     double gravity[3];
@@ -30,9 +30,9 @@ struct drape_scene {
     struct dr_bend *pieces_bend; /* NULL with pieces */
     size_t bodies;
     struct dr_body **body;
-    size_t parts;          /* connected components of the welded mesh */
-    uint32_t *part;        /* nodes: component of each */
-    bool *part_held;       /* parts: it has a held node */
+    size_t parts;    /* connected components of the welded mesh */
+    uint32_t *part;  /* nodes: component of each */
+    bool *part_held; /* parts: it has a held node */
 };
 
 /* Bytes held by the scene. */

@@ -10,13 +10,13 @@
 #include "error.h"
 #include "sim.h"
 
-#define TIME_STEP 0.02          /* s: the mass is only a regulariser here */
-#define SPRING_FIRST 0.2        /* N/m */
-#define SPRING_LAST 1e5         /* N/m */
-#define SPRING_GROWTH 1.15      /* per step */
-#define LONGEST_MOVE 0.005      /* m per node and step: pieces slide round a body, never through it */
-#define CONTACT_DEPTH 0.002     /* m below a surface that one step may end */
-#define STEPS_BESIDES_TRAVEL 250 /* over what the widest seam needs at the longest move */
+#define TIME_STEP            0.02  /* s: the mass is only a regulariser here */
+#define SPRING_FIRST         0.2   /* N/m */
+#define SPRING_LAST          1e5   /* N/m */
+#define SPRING_GROWTH        1.15  /* per step */
+#define LONGEST_MOVE         0.005 /* m per node and step: pieces slide round a body, never through it */
+#define CONTACT_DEPTH        0.002 /* m below a surface that one step may end */
+#define STEPS_BESIDES_TRAVEL 250   /* over what the widest seam needs at the longest move */
 
 double dr_seam_energy(const uint32_t *seam, size_t seams, double stiffness, const double *x, double *f,
                       double *ret_gap)
@@ -54,7 +54,8 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
 {
     const drape_scene *scene = sim->scene;
     double *x = sim->positions, spring = SPRING_FIRST;
-    uint32_t most = STEPS_BESIDES_TRAVEL + (uint32_t)fmin(scene->seam_gap / LONGEST_MOVE, DRAPE_MAX_ITERATIONS);
+    uint32_t most =
+        STEPS_BESIDES_TRAVEL + (uint32_t)fmin(scene->seam_gap / LONGEST_MOVE, DRAPE_MAX_ITERATIONS);
     drape_progress progress = {.phase = DRAPE_PHASE_SEWING};
     for (uint32_t step = 0;; step++) {
         drape_energies energy = {0};
@@ -64,8 +65,11 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
             return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
                            "a non-finite energy while sewing, step %u", step);
         energy.potential += seams;
-        progress.row = (drape_row){.iteration = step, .seconds = dr_clock() - sim->began, .energy = energy,
-                                   .time_step = TIME_STEP, .linear_iterations = 1};
+        progress.row = (drape_row){.iteration = step,
+                                   .seconds = dr_clock() - sim->began,
+                                   .energy = energy,
+                                   .time_step = TIME_STEP,
+                                   .linear_iterations = 1};
         progress.row.residual_force = dr_cloth_largest_force(cloth, f) / dr_cloth_mean_weight(cloth);
         sim->report.sewing_iterations = step;
         sim->report.seam_gap = progress.seam_gap;
@@ -78,9 +82,10 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
         for (size_t s = 0; s < scene->seams; s++)
             dr_matrix_add_link(cloth->A, s, spring);
         if (!dr_matrix_factorise(cloth->A, &out_of_memory))
-            return out_of_memory ? dr_out_of_memory(reterr)
-                                 : dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
-                                           "the step matrix could not be factorised while sewing, step %u", step);
+            return out_of_memory
+                       ? dr_out_of_memory(reterr)
+                       : dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
+                                 "the step matrix could not be factorised while sewing, step %u", step);
         dr_matrix_solve(cloth->A, 1, (const double *[]){f}, (double *[]){w});
         sim->report.factorizations++;
         sim->report.solves++;
@@ -103,8 +108,8 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
     double *f = malloc(3 * scene->vertices * sizeof *f), *w = malloc(3 * scene->vertices * sizeof *w);
     drape_status status = f && w ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
-        status = dr_cloth_new(scene, scene->pieces, scene->pieces_bend, weightless, sim->positions, scene->seam,
-                              scene->seams, &cloth, reterr);
+        status = dr_cloth_new(scene, scene->pieces, scene->pieces_bend, weightless, sim->positions,
+                              scene->seam, scene->seams, &cloth, reterr);
     if (status >= 0) {
         dr_matrix_set_base(cloth->A, TIME_STEP);
         dr_stretch_stress(cloth->stretch, sim->positions, NULL, cloth->stress);

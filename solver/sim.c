@@ -38,7 +38,8 @@ static drape_status check_options(const drape_options *options, drape_error *ret
         member = "max_iterations";
     else if (!(options->time_limit > 0 && isfinite(options->time_limit)))
         member = "time_limit";
-    return member ? dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1, member, "out of range") : DRAPE_OK;
+    return member ? dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1, member, "out of range")
+                  : DRAPE_OK;
 }
 
 drape_status drape_sim_new(const drape_scene *scene, const drape_options *options, drape_sim **ret,

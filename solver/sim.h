@@ -21,10 +21,10 @@ struct drape_sim {
     const drape_scene *scene;
     drape_options options;
     atomic_bool cancelled;
-    double began;             /* s, monotonic */
-    double stage[DR_STAGES];  /* s */
-    double *positions;        /* 3*vertices: the result */
-    drape_row *row;           /* max_iterations + 1 */
+    double began;            /* s, monotonic */
+    double stage[DR_STAGES]; /* s */
+    double *positions;       /* 3*vertices: the result */
+    drape_row *row;          /* max_iterations + 1 */
     size_t rows;
     size_t peak_bytes;
     drape_report report;

@@ -183,7 +183,8 @@ void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const
         for (int a = 0; a < 3; a++)
             for (int b = 0; b <= a; b++) {
                 const double *ga = grad + 2 * a, *gb = grad + 2 * b;
-                double geometric = area * (ga[0] * (s[0] * gb[0] + s[2] * gb[1]) + ga[1] * (s[2] * gb[0] + s[1] * gb[1]));
+                double geometric =
+                    area * (ga[0] * (s[0] * gb[0] + s[2] * gb[1]) + ga[1] * (s[2] * gb[0] + s[1] * gb[1]));
                 for (int d = 0; d < 3; d++)
                     H[3 * a + d][3 * b + d] += geometric;
             }

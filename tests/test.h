@@ -20,12 +20,12 @@ static inline void test_close(double a, double b, double tol, double scale, cons
     double size = fmax(fmax(fabs(a), fabs(b)), scale);
     double error = size > 0 ? fabs(a - b) / size : 0;
     if (!(error <= tol)) {
-        print_error("%s:%d: %s: %.17g against %.17g, relative error %.3g > %.3g\n", file, line, what,
-                    a, b, error, tol);
+        print_error("%s:%d: %s: %.17g against %.17g, relative error %.3g > %.3g\n", file, line, what, a, b,
+                    error, tol);
         fail();
     }
 }
-#define assert_close(a, b, tol) test_close((a), (b), (tol), 0, #a " = " #b, __FILE__, __LINE__)
+#define assert_close(a, b, tol)       test_close((a), (b), (tol), 0, #a " = " #b, __FILE__, __LINE__)
 #define assert_near(a, b, tol, scale) test_close((a), (b), (tol), (scale), #a " = " #b, __FILE__, __LINE__)
 
 /* A small generator with a fixed seed: the same numbers on every machine (xorshift64*). */

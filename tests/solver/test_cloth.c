@@ -3,8 +3,8 @@
 
 #include "sim.h"
 
-#define SIDE 4
-#define NODES (SIDE * SIDE)
+#define SIDE      4
+#define NODES     (SIDE * SIDE)
 #define TRIANGLES (2 * (SIDE - 1) * (SIDE - 1))
 
 struct example {
@@ -34,10 +34,16 @@ static void make(struct example *e, double rigidity)
             memcpy(e->triangle + at, cell, sizeof cell);
             at += 6;
         }
-    e->material = (drape_material){.density = 0.2, .stretch_weft = 40, .stretch_warp = 60, .stretch_shear = 20,
-                                   .poisson = 0.2, .bend_weft = rigidity, .bend_warp = 2 * rigidity,
+    e->material = (drape_material){.density = 0.2,
+                                   .stretch_weft = 40,
+                                   .stretch_warp = 60,
+                                   .stretch_shear = 20,
+                                   .poisson = 0.2,
+                                   .bend_weft = rigidity,
+                                   .bend_warp = 2 * rigidity,
                                    .bend_twist = rigidity};
-    e->body = (drape_body){.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.03, -0.0485, 0.03}, .radius = 0.05};
+    e->body = (drape_body){
+        .kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.03, -0.0485, 0.03}, .radius = 0.05};
     drape_scene_desc desc = drape_scene_desc_default();
     desc.vertices = NODES;
     desc.triangles = TRIANGLES;
@@ -50,8 +56,9 @@ static void make(struct example *e, double rigidity)
     desc.material = &e->material;
     desc.body = &e->body;
     assert_int_equal(drape_scene_new(&desc, &e->scene, NULL), DRAPE_OK);
-    assert_int_equal(dr_cloth_new(e->scene, e->scene->mesh, e->scene->bend, e->scene->gravity, e->positions, NULL, 0,
-                                  &e->cloth, NULL), DRAPE_OK);
+    assert_int_equal(dr_cloth_new(e->scene, e->scene->mesh, e->scene->bend, e->scene->gravity, e->positions,
+                                  NULL, 0, &e->cloth, NULL),
+                     DRAPE_OK);
     uint64_t seed = 11;
     for (int i = 0; i < 3 * NODES; i++)
         e->x[i] = e->positions[i] + 5e-4 * test_random(&seed);

@@ -4,9 +4,9 @@
 #include "matrix.h"
 
 /* A 4x4 grid of nodes with two diagonals' worth of triangles, nodes 0 and 5 held. */
-#define SIDE 4
+#define SIDE  4
 #define NODES (SIDE * SIDE)
-#define N (3 * NODES)
+#define N     (3 * NODES)
 
 struct system {
     struct dr_mesh *mesh;
@@ -38,7 +38,8 @@ static void make(struct system *s)
             memcpy(triangle + count, cell, sizeof cell);
             count += 6;
         }
-    assert_int_equal(dr_mesh_new(NODES, count / 3, triangle, triangle, pattern, NULL, &density, held, &s->mesh, NULL), 0);
+    assert_int_equal(
+        dr_mesh_new(NODES, count / 3, triangle, triangle, pattern, NULL, &density, held, &s->mesh, NULL), 0);
 
     /* A made-up bending stiffness: a chain 0-2-4-... far off the triangles' pattern. */
     s->bend = calloc(1, sizeof *s->bend);
@@ -101,8 +102,8 @@ static struct dr_matrix *assemble(struct system *s)
             }
         for (int i = 0; i < 9; i++)
             for (int j = 0; j < 9; j++)
-                add_dense(s, s->mesh->triangle[3 * t + (size_t)(i / 3)], s->mesh->triangle[3 * t + (size_t)(j / 3)], i % 3,
-                          j % 3, H[i][j]);
+                add_dense(s, s->mesh->triangle[3 * t + (size_t)(i / 3)],
+                          s->mesh->triangle[3 * t + (size_t)(j / 3)], i % 3, j % 3, H[i][j]);
         for (int i = 0; i < 9; i++) /* only the lower triangle may be read */
             for (int j = i + 1; j < 9; j++)
                 H[i][j] = NAN;

@@ -19,8 +19,13 @@ static struct example make(void)
         .triangle = {0, 1, 2, 1, 3, 2, 4, 5, 6, 5, 7, 6},
         .seam = {1, 4, 3, 6},
         .pin = {0, 2},
-        .material = {.density = 0.1, .stretch_weft = 10, .stretch_warp = 10, .stretch_shear = 5,
-                     .bend_weft = 1e-5, .bend_warp = 1e-5, .bend_twist = 5e-6},
+        .material = {.density = 0.1,
+                     .stretch_weft = 10,
+                     .stretch_warp = 10,
+                     .stretch_shear = 5,
+                     .bend_weft = 1e-5,
+                     .bend_warp = 1e-5,
+                     .bend_twist = 5e-6},
     };
     e.desc = drape_scene_desc_default();
     e.desc.vertices = 8;
@@ -41,7 +46,8 @@ static void bind(struct example *e) /* after any copy */
     e->desc.material = &e->material;
 }
 
-static void refused(struct example *e, drape_place place, int64_t element, const char *member, const char *says)
+static void refused(struct example *e, drape_place place, int64_t element, const char *member,
+                    const char *says)
 {
     drape_error error = {0};
     drape_scene *scene = NULL;
@@ -226,7 +232,8 @@ static void test_scene__a_piece_that_nothing_holds_is_refused(void **state)
     bind(&e);
     e.desc.seams = 0; /* the second square is now on its own */
     refused(&e, DRAPE_AT_VERTEX, 4, NULL, "nothing holds");
-    const drape_body floor = {.kind = DRAPE_BODY_PLANE, .offset = 0.003, .point = {0, -1, 0}, .axis = {0, 1, 0}};
+    const drape_body floor = {
+        .kind = DRAPE_BODY_PLANE, .offset = 0.003, .point = {0, -1, 0}, .axis = {0, 1, 0}};
     e.desc.body = &floor;
     e.desc.bodies = 1;
     assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
@@ -252,7 +259,8 @@ static void test_scene__counts_have_limits(void **state)
     }
     drape_body body[DRAPE_MAX_BODIES];
     for (int i = 0; i < DRAPE_MAX_BODIES; i++) /* exactly the limit is fine */
-        body[i] = (drape_body){.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .radius = 0.1, .point = {i, -3, 0}};
+        body[i] =
+            (drape_body){.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .radius = 0.1, .point = {i, -3, 0}};
     struct example e = make();
     bind(&e);
     e.desc.body = body;

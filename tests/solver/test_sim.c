@@ -6,8 +6,8 @@
 
 /* ---- scenes ------------------------------------------------------------------------------------- */
 
-#define SIDE 9
-#define VERTICES (SIDE * SIDE)
+#define SIDE      9
+#define VERTICES  (SIDE * SIDE)
 #define TRIANGLES (2 * (SIDE - 1) * (SIDE - 1))
 
 struct example {
@@ -39,8 +39,13 @@ static void make(struct example *e)
         }
     for (uint32_t i = 0; i < SIDE; i++)
         e->pin[i] = i;
-    e->material = (drape_material){.density = 0.1, .stretch_weft = 10, .stretch_warp = 10, .stretch_shear = 5,
-                                   .bend_weft = 1e-5, .bend_warp = 1e-5, .bend_twist = 5e-6};
+    e->material = (drape_material){.density = 0.1,
+                                   .stretch_weft = 10,
+                                   .stretch_warp = 10,
+                                   .stretch_shear = 5,
+                                   .bend_weft = 1e-5,
+                                   .bend_warp = 1e-5,
+                                   .bend_twist = 5e-6};
     e->desc = drape_scene_desc_default();
     e->desc.vertices = VERTICES;
     e->desc.triangles = TRIANGLES;
@@ -115,7 +120,8 @@ static void test_sim__hanging_square_comes_to_rest_and_says_so(void **state)
         const drape_energies *energy = &row[i].energy;
         assert_int_equal(row[i].iteration, i);
         assert_true(row[i].residual_energy >= 0 && row[i].time_step == e.options.time_step);
-        assert_near(energy->potential, energy->stretch + energy->bend + energy->gravity + energy->contact, 1e-14, 1e-3);
+        assert_near(energy->potential, energy->stretch + energy->bend + energy->gravity + energy->contact,
+                    1e-14, 1e-3);
         assert_true(energy->contact == 0);
     }
     const double *x = drape_sim_positions(sim, &vertices);
@@ -252,7 +258,8 @@ static void test_sim__options_are_refused_past_their_limits(void **state)
         {{.time_step = NAN, .tolerance = 1, .time_limit = 1}, "time_step"},
         {{.time_step = 1, .tolerance = 0, .time_limit = 1}, "tolerance"},
         {{.time_step = 1, .tolerance = NAN, .time_limit = 1}, "tolerance"},
-        {{.time_step = 1, .tolerance = 1, .time_limit = 1, .max_iterations = DRAPE_MAX_ITERATIONS + 1}, "max_iterations"},
+        {{.time_step = 1, .tolerance = 1, .time_limit = 1, .max_iterations = DRAPE_MAX_ITERATIONS + 1},
+         "max_iterations"},
         {{.time_step = 1, .tolerance = 1, .time_limit = 0}, "time_limit"},
         {{.time_step = 1, .tolerance = 1, .time_limit = INFINITY}, "time_limit"},
     };

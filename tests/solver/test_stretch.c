@@ -22,8 +22,8 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 #define NODES 5
 static const double pattern[2 * NODES] = {0, 0, 0.03, 0.002, 0.001, 0.04, 0.035, 0.041, 0.07, 0.03};
 static const uint32_t triangle[] = {0, 1, 2, 1, 3, 2, 1, 4, 3};
-static const drape_material material = {.density = 0.2, .stretch_weft = 300, .stretch_warp = 500,
-                                        .stretch_shear = 90, .poisson = 0.3};
+static const drape_material material = {
+    .density = 0.2, .stretch_weft = 300, .stretch_warp = 500, .stretch_shear = 90, .poisson = 0.3};
 
 struct membrane {
     struct dr_mesh *mesh;
@@ -34,7 +34,8 @@ struct membrane {
 static void make(struct membrane *m, double size, uint64_t seed)
 {
     const double density = material.density;
-    assert_int_equal(dr_mesh_new(NODES, 3, triangle, triangle, pattern, NULL, &density, NULL, &m->mesh, NULL), 0);
+    assert_int_equal(dr_mesh_new(NODES, 3, triangle, triangle, pattern, NULL, &density, NULL, &m->mesh, NULL),
+                     0);
     assert_int_equal(dr_stretch_new(m->mesh, &material, 1, &m->stretch, NULL), 0);
     dense_nodes = NODES;
     dense_triangle = triangle;
@@ -87,7 +88,8 @@ static void test_stretch__hessian_is_the_difference_of_gradients_in_tension(void
     double stress[9];
     dr_stretch_stress(m.stretch, m.x, NULL, stress);
     for (int t = 0; t < 3; t++)
-        assert_true(stress[3 * t] > 0 && stress[3 * t] * stress[3 * t + 1] > stress[3 * t + 2] * stress[3 * t + 2]);
+        assert_true(stress[3 * t] > 0 &&
+                    stress[3 * t] * stress[3 * t + 1] > stress[3 * t + 2] * stress[3 * t + 2]);
     memset(dense, 0, sizeof dense);
     dr_stretch_hessian(m.stretch, m.x, stress, NULL);
     for (int j = 0; j < 3 * NODES; j++) {
@@ -185,7 +187,8 @@ static void test_stretch__predicted_stress_is_the_linear_part(void **state)
         w[i] = 0.01 * test_random(&seed);
     dr_stretch_stress(m.stretch, m.x, NULL, at);
     dr_stretch_stress(m.stretch, m.x, w, predicted);
-    for (int sign = -1; sign <= 1; sign += 2) { /* the stress is quadratic in x: central differences are exact */
+    for (int sign = -1; sign <= 1;
+         sign += 2) { /* the stress is quadratic in x: central differences are exact */
         for (int i = 0; i < 3 * NODES; i++)
             x[i] = m.x[i] + 0.5 * sign * w[i];
         dr_stretch_stress(m.stretch, x, NULL, sign < 0 ? down : up);
