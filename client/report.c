@@ -1,0 +1,287 @@
+/* report.c - see report.h. */
+#include "report.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Rows of the trace that are shown. */
+#define TRACE_ROWS 10
+/* Stages that took less than this are not worth a word (s). */
+#define SHORTEST_STAGE_S 0.005
+
+static const char *text_of(const json_t *object, const char *key)
+{
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+/* "separator name value" when the member is a number; returns the separator for the next. */
+static const char *put_count(FILE *file, const char *separator, const json_t *object, const char *key,
+                             const char *name)
+{
+    const json_t *value = json_object_get(object, key);
+    if (!json_is_integer(value)) {
+        return separator;
+    }
+    fprintf(file, "%s%lld %s", separator, (long long)json_integer_value(value), name);
+    return ", ";
+}
+
+static void put_label(FILE *file, const char *label)
+{
+    fprintf(file, "  %-14s ", label);
+}
+
+static void put_text(FILE *file, const char *label, const char *text)
+{
+    if (text[0]) {
+        put_label(file, label);
+        fprintf(file, "%s\n", text);
+    }
+}
+
+static void put_counts(FILE *file, const json_t *report)
+{
+    if (!json_is_integer(json_object_get(report, "iterations"))) {
+        return;
+    }
+    put_label(file, "iterations");
+    const char *separator = put_count(file, "", report, "iterations", "of draping");
+    separator = put_count(file, separator, report, "stops", "stops");
+    separator = put_count(file, separator, report, "factorizations", "factorisations");
+    put_count(file, separator, report, "solves", "solves");
+    fputc('\n', file);
+}
+
+static void put_sewing(FILE *file, const json_t *sewing)
+{
+    const json_t *gap = json_object_get(sewing, "seam_gap");
+    if (json_integer_value(json_object_get(sewing, "iterations")) > 0) {
+        put_label(file, "sewing");
+        put_count(file, "", sewing, "iterations", "iterations");
+        if (json_is_number(gap)) {
+            fprintf(file, ", seams closed to %.2g mm, then welded", 1000 * json_number_value(gap));
+        }
+        fputc('\n', file);
+    }
+}
+
+static void put_seconds(FILE *file, const json_t *report)
+{
+    const json_t *seconds = json_object_get(report, "seconds");
+    json_t *stages = json_object_get(report, "stages");
+    const char *name, *separator = " (";
+    json_t *value;
+    if (!json_is_number(seconds)) {
+        return;
+    }
+    put_label(file, "time");
+    fprintf(file, "%.2f s", json_number_value(seconds));
+    json_object_foreach(stages, name, value)
+    {
+        if (json_number_value(value) >= SHORTEST_STAGE_S) {
+            fprintf(file, "%s%s %.2f", separator, name, json_number_value(value));
+            separator = ", ";
+        }
+    }
+    fprintf(file, "%s\n", separator[0] == ',' ? ")" : "");
+}
+
+static void put_energies(FILE *file, const json_t *energies)
+{
+    const char *const names[] = {"stretch", "bend", "gravity", "contact", "kinetic", "potential"};
+    if (!json_is_object(energies)) {
+        return;
+    }
+    put_label(file, "energies (J)");
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        const json_t *value = json_object_get(energies, names[i]);
+        if (json_is_number(value)) {
+            fprintf(file, "%s%s %.4g", i > 0 ? ", " : "", names[i], json_number_value(value));
+        }
+    }
+    fputc('\n', file);
+}
+
+static void put_residuals(FILE *file, const json_t *report)
+{
+    const json_t *force = json_object_get(report, "residual_force"),
+                 *energy = json_object_get(report, "residual_energy");
+    if (json_is_number(force)) {
+        put_label(file, "residual force");
+        fprintf(file, "%.3g of the mean vertex weight\n", json_number_value(force));
+    }
+    if (json_is_number(energy)) {
+        const char *kind = text_of(report, "residual_energy_is");
+        put_label(file, "left to fall");
+        fprintf(file, "%.3g J%s%s%s\n", json_number_value(energy), kind[0] ? " (" : "", kind,
+                kind[0] ? ")" : "");
+    }
+}
+
+static void put_contacts(FILE *file, const json_t *report)
+{
+    const json_t *inside = json_object_get(report, "penetrations");
+    if (json_is_integer(inside)) {
+        const json_t *deepest = json_object_get(report, "deepest");
+        put_label(file, "inside bodies");
+        fprintf(file, "%lld vertices", (long long)json_integer_value(inside));
+        if (json_number_value(deepest) > 0) {
+            fprintf(file, ", the deepest by %.2g mm", 1000 * json_number_value(deepest));
+        }
+        fputc('\n', file);
+    }
+    const json_t *crossings = json_object_get(report, "self_intersections");
+    if (json_is_integer(crossings)) {
+        put_label(file, "self-crossings");
+        fprintf(file, "%lld\n", (long long)json_integer_value(crossings));
+    }
+}
+
+static void put_report(FILE *file, const json_t *report)
+{
+    put_text(file, "ended because", text_of(report, "reason"));
+    put_text(file, "method", text_of(report, "method"));
+    put_sewing(file, json_object_get(report, "sewing"));
+    put_counts(file, report);
+    put_seconds(file, report);
+    put_energies(file, json_object_get(report, "energies"));
+    put_residuals(file, report);
+    put_contacts(file, report);
+}
+
+static void put_error(FILE *file, const json_t *error)
+{
+    size_t i;
+    json_t *entry;
+    put_text(file, "error", text_of(error, "title"));
+    put_text(file, "", text_of(error, "detail"));
+    json_array_foreach(json_object_get(error, "errors"), i, entry)
+    {
+        put_label(file, "");
+        fprintf(file, "at %s: %s\n", text_of(entry, "pointer"), text_of(entry, "detail"));
+    }
+}
+
+void report_line(FILE *file, const json_t *job)
+{
+    const char *verdict = text_of(job, "verdict");
+    fprintf(file, "%s  %-9s  %-12s  %s  %s\n", text_of(job, "id"), text_of(job, "status"),
+            verdict[0] ? verdict : "-", text_of(job, "created_at"), text_of(job, "name"));
+}
+
+void report_job(FILE *file, const json_t *job)
+{
+    const char *name = text_of(job, "name"), *verdict = text_of(job, "verdict");
+    fprintf(file, "job %s%s%s: %s%s%s\n", text_of(job, "id"), name[0] ? " " : "", name,
+            text_of(job, "status"), verdict[0] ? ", " : "", verdict);
+    const json_t *position = json_object_get(job, "queue_position"),
+                 *attempt = json_object_get(job, "attempt");
+    if (json_is_integer(position) && json_integer_value(position) > 0) {
+        put_label(file, "in the queue");
+        fprintf(file, "%lld\n", (long long)json_integer_value(position));
+    }
+    if (json_integer_value(attempt) > 1) {
+        put_label(file, "attempt");
+        fprintf(file, "%lld\n", (long long)json_integer_value(attempt));
+    }
+    const json_t *report = json_object_get(job, "report"), *error = json_object_get(job, "error");
+    if (json_is_object(report)) {
+        put_report(file, report);
+    } else if (json_is_object(json_object_get(job, "progress"))) {
+        put_energies(file, json_object_get(json_object_get(job, "progress"), "energy"));
+        put_residuals(file, json_object_get(job, "progress"));
+    }
+    if (json_is_object(error)) {
+        put_error(file, error);
+    }
+}
+
+/* ---- trace --------------------------------------------------------------------------------------- */
+
+static const char *const columns[] = {"iteration",       "seconds",        "potential", "kinetic",
+                                      "residual_energy", "residual_force", "stop"};
+enum { COLUMNS = sizeof columns / sizeof columns[0] };
+
+/* Where a CSV header has each of our columns; -1: nowhere. */
+static void find_columns(const char *header, int place[COLUMNS])
+{
+    for (int c = 0; c < COLUMNS; c++) {
+        place[c] = -1;
+    }
+    for (int at = 0; *header && *header != '\n'; at++) {
+        size_t n = strcspn(header, ",\r\n");
+        for (int c = 0; c < COLUMNS; c++) {
+            if (strlen(columns[c]) == n && strncmp(header, columns[c], n) == 0) {
+                place[c] = at;
+            }
+        }
+        header += n + (header[n] == ',');
+        if (*header == '\r') {
+            break;
+        }
+    }
+}
+
+/* Field number `at` of a CSV line without quotes; "" when it has none. */
+static void copy_field(const char *line, int at, char *ret, size_t size)
+{
+    ret[0] = '\0';
+    for (int i = 0; at >= 0 && *line && *line != '\n'; i++) {
+        size_t n = strcspn(line, ",\r\n");
+        if (i == at) {
+            snprintf(ret, size, "%.*s", (int)n, line);
+            return;
+        }
+        line += n + (line[n] == ',');
+    }
+}
+
+static void put_row(FILE *file, const char *line, const int place[COLUMNS])
+{
+    for (int c = 0; c < COLUMNS; c++) {
+        char field[40], *end = NULL;
+        copy_field(line, place[c], field, sizeof field);
+        double value = strtod(field, &end);
+        if (end == field) {
+            fprintf(file, " %11s", "-");
+        } else if (c == 0) {
+            fprintf(file, "  %9.0f", value);
+        } else if (c == COLUMNS - 1) {
+            fprintf(file, "  %s", value != 0 ? "stop" : "");
+        } else {
+            fprintf(file, c == 1 ? " %8.2f" : " %11.3e", value);
+        }
+    }
+    fputc('\n', file);
+}
+
+static const char *next_line(const char *text)
+{
+    const char *end = strchr(text, '\n');
+    return end ? end + 1 : text + strlen(text);
+}
+
+void report_trace(FILE *file, const char *csv)
+{
+    int place[COLUMNS];
+    size_t rows = 0, shown = 0;
+    find_columns(csv, place);
+    for (const char *line = next_line(csv); *line; line = next_line(line)) {
+        rows++;
+    }
+    if (rows == 0) {
+        return;
+    }
+    fprintf(file, "  %9s %8s %11s %11s %11s %11s\n", "iteration", "seconds", "potential J", "kinetic J",
+            "left J", "resid force");
+    size_t row = 0;
+    for (const char *line = next_line(csv); *line; line = next_line(line), row++) {
+        /* row number `shown` of the selection, which ends with the last row */
+        size_t wanted = rows <= TRACE_ROWS ? row : shown * (rows - 1) / (TRACE_ROWS - 1);
+        if (row == wanted) {
+            put_row(file, line, place);
+            shown++;
+        }
+    }
+}

@@ -1,0 +1,197 @@
+/* scene.c - writes a scene as a job document, array by array, without building a JSON tree. */
+#include "scene.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <stdlib.h>
+
+/* Nine significant digits: a nanometre at one metre, and a float32 survives unchanged. */
+#define NUMBER "%.9g"
+/* Numbers on one line of the output, so that a job can be read in an editor. */
+#define NUMBERS_PER_LINE 12
+
+struct scene scene_default(void)
+{
+    return (struct scene){
+        .body_offset = -1,
+        .body_friction = -1,
+        .solver = {.time_step = -1, .tolerance = -1, .time_limit = -1, .max_iterations = -1},
+    };
+}
+
+void scene_done(struct scene *scene)
+{
+    surface_done(&scene->cloth);
+    for (size_t b = 0; b < scene->bodies; b++) {
+        surface_done(&scene->body[b]);
+    }
+    free(scene->body);
+    free(scene->seam);
+    free(scene->pin);
+    *scene = scene_default();
+}
+
+static void write_separator(FILE *file, size_t i)
+{
+    if (i > 0) {
+        fputc(',', file);
+    }
+    if (i > 0 && i % NUMBERS_PER_LINE == 0) {
+        fputc('\n', file);
+    }
+}
+
+static void write_reals(FILE *file, const char *key, const double *value, size_t count)
+{
+    fprintf(file, "\"%s\": [", key);
+    for (size_t i = 0; i < count; i++) {
+        write_separator(file, i);
+        fprintf(file, NUMBER, value[i]);
+    }
+    fputc(']', file);
+}
+
+static void write_indices(FILE *file, const char *key, const uint32_t *value, size_t count)
+{
+    fprintf(file, "\"%s\": [", key);
+    for (size_t i = 0; i < count; i++) {
+        write_separator(file, i);
+        fprintf(file, "%u", (unsigned)value[i]);
+    }
+    fputc(']', file);
+}
+
+/* A quoted and escaped JSON string; 0 or -1 (not UTF-8, or no memory). */
+static int write_string(FILE *file, const char *key, const char *value)
+{
+    json_t *string = json_string(value);
+    int status = -1;
+    if (string) {
+        fprintf(file, "\"%s\": ", key);
+        status = json_dumpf(string, file, JSON_ENCODE_ANY);
+    } else {
+        errno = EILSEQ;
+    }
+    json_decref(string);
+    return status;
+}
+
+static void write_mesh(FILE *file, const struct surface *mesh)
+{
+    fprintf(file, "\"mesh\": {");
+    write_reals(file, "positions", mesh->positions, 3 * mesh->vertices);
+    fprintf(file, ",\n");
+    write_indices(file, "triangles", mesh->triangle, 3 * mesh->triangles);
+    if (mesh->pattern) {
+        fprintf(file, ",\n");
+        write_reals(file, "pattern", mesh->pattern, 2 * mesh->vertices);
+    }
+    fprintf(file, "}");
+}
+
+static int write_material(FILE *file, const struct scene_material *m)
+{
+    int status = 0;
+    fprintf(file, "\"materials\": [{");
+    if (m->preset) {
+        status = write_string(file, "preset", m->preset);
+    } else {
+        fprintf(file,
+                "\"density\": " NUMBER ", \"stretch\": {\"weft\": " NUMBER ", \"warp\": " NUMBER
+                ", \"shear\": " NUMBER "}, \"poisson\": " NUMBER,
+                m->density, m->weft, m->warp, m->shear, m->poisson);
+        fprintf(file, ", \"bend\": {\"weft\": " NUMBER ", \"warp\": " NUMBER ", \"twist\": " NUMBER "}",
+                m->bend_weft, m->bend_warp, m->bend_twist);
+    }
+    fprintf(file, "}]");
+    return status;
+}
+
+static int write_cloth(FILE *file, const struct scene *scene)
+{
+    fprintf(file, "\"cloth\": {");
+    write_mesh(file, &scene->cloth);
+    if (scene->seams > 0) {
+        fprintf(file, ",\n");
+        write_indices(file, "seams", scene->seam, 2 * scene->seams);
+    }
+    if (scene->pins > 0) {
+        fprintf(file, ",\n");
+        write_indices(file, "pins", scene->pin, scene->pins);
+    }
+    fprintf(file, ",\n");
+    int status = write_material(file, &scene->material);
+    fprintf(file, "}");
+    return status;
+}
+
+static void write_bodies(FILE *file, const struct scene *scene)
+{
+    fprintf(file, ",\n\"bodies\": [");
+    for (size_t b = 0; b < scene->bodies; b++) {
+        fprintf(file, "%s{", b > 0 ? ",\n" : "");
+        write_mesh(file, &scene->body[b]);
+        if (scene->body_offset >= 0) {
+            fprintf(file, ", \"offset\": " NUMBER, scene->body_offset);
+        }
+        if (scene->body_friction >= 0) {
+            fprintf(file, ", \"friction\": " NUMBER, scene->body_friction);
+        }
+        fprintf(file, "}");
+    }
+    fprintf(file, "]");
+}
+
+static const char *comma(int *written)
+{
+    return (*written)++ > 0 ? ", " : "";
+}
+
+static int write_solver(FILE *file, const struct scene_solver *solver)
+{
+    int written = 0, status = 0;
+    fprintf(file, ",\n\"solver\": {");
+    if (solver->method) {
+        fputs(comma(&written), file);
+        status |= write_string(file, "method", solver->method);
+    }
+    if (solver->stop_on) {
+        fputs(comma(&written), file);
+        status |= write_string(file, "stop_on", solver->stop_on);
+    }
+    if (solver->time_step >= 0) {
+        fprintf(file, "%s\"time_step\": " NUMBER, comma(&written), solver->time_step);
+    }
+    if (solver->tolerance >= 0) {
+        fprintf(file, "%s\"tolerance\": " NUMBER, comma(&written), solver->tolerance);
+    }
+    if (solver->max_iterations >= 0) {
+        fprintf(file, "%s\"max_iterations\": %ld", comma(&written), solver->max_iterations);
+    }
+    if (solver->time_limit >= 0) {
+        fprintf(file, "%s\"time_limit_s\": " NUMBER, comma(&written), solver->time_limit);
+    }
+    fprintf(file, "}");
+    return status;
+}
+
+int scene_write(FILE *file, const struct scene *scene)
+{
+    int status = 0;
+    fprintf(file, "{");
+    if (scene->name) {
+        status |= write_string(file, "name", scene->name);
+        fprintf(file, ",\n");
+    }
+    status |= write_cloth(file, scene);
+    if (scene->bodies > 0) {
+        write_bodies(file, scene);
+    }
+    if (scene->self_contact) {
+        fprintf(file, ",\n");
+        status |= write_string(file, "self_contact", scene->self_contact);
+    }
+    status |= write_solver(file, &scene->solver);
+    fprintf(file, "}\n");
+    return status != 0 || fflush(file) != 0 || ferror(file) ? -1 : 0;
+}

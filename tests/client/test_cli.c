@@ -1,0 +1,175 @@
+/* test_cli.c - the program as a person or a script calls it: exit codes, standard output and error. */
+#include "test.h"
+
+#include <fcntl.h>
+#include <jansson.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "cli.h"
+
+enum { MAX_OUTPUT = 1 << 20 };
+
+static char output[MAX_OUTPUT], errors[MAX_OUTPUT];
+
+static void read_back(int file, char *ret)
+{
+    ssize_t n = pread(file, ret, MAX_OUTPUT - 1, 0);
+    assert_true(n >= 0);
+    ret[n] = '\0';
+    close(file);
+}
+
+static int temporary_file(void)
+{
+    char path[] = "/tmp/drape-test-XXXXXX";
+    int file = mkstemp(path);
+    assert_true(file >= 0);
+    unlink(path);
+    return file;
+}
+
+/* Runs `drape` with the words of `line` in a process of its own (argp ends it); its exit code. */
+static int drape(const char *line)
+{
+    char text[512], *argv[32] = {(char[]){"drape"}};
+    int argc = 1, out = temporary_file(), err = temporary_file(), status = 0;
+    snprintf(text, sizeof text, "%s", line);
+    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
+        argv[argc++] = word;
+    }
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        dup2(out, STDOUT_FILENO);
+        dup2(err, STDERR_FILENO);
+        setenv("DRAPED_URL", "http://127.0.0.1:1", 1); /* nobody there */
+        exit(cli_run(argc, argv));
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status));
+    read_back(out, output);
+    read_back(err, errors);
+    return WEXITSTATUS(status);
+}
+
+static void test_cli__every_command_has_help(void **state)
+{
+    const char *const names[] = {"",       "example", "scene",  "run",  "submit",    "watch",  "status",
+                                 "result", "trace",   "cancel", "list", "materials", "picture"};
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        char line[64];
+        snprintf(line, sizeof line, "%s --help", names[i]);
+        assert_int_equal(drape(line), 0);
+        assert_non_null(strstr(output, "Usage: drape"));
+        assert_non_null(strstr(output, "--url"));
+        assert_non_null(strstr(output, names[i]));
+    }
+    assert_int_equal(drape("--version"), 0);
+}
+
+static void test_cli__wrong_arguments_exit_with_1_and_say_why(void **state)
+{
+    const struct {
+        const char *line, *words;
+    } wrong[] = {
+        {"", "no command"},
+        {"drapery", "no command \"drapery\""},
+        {"example", "which example"},
+        {"example square arc", "one example"},
+        {"example triangle", "no example \"triangle\""},
+        {"example square -n 0", "--triangles takes"},
+        {"example square -n 1e3", "--triangles takes"},
+        {"example garment -n 10", "600 to"},
+        {"scene -m denim", "--garment is missing"},
+        {"scene -g x.obj", "--material is missing"},
+        {"scene -g /nowhere.obj -m denim", "/nowhere.obj"},
+        {"scene -g x.obj -m denim -t -1", "--tolerance takes"},
+        {"run", "which JOB"},
+        {"run /nowhere.json", "/nowhere.json"},
+        {"run /dev/null -o x.stl", ".glb, .obj"},
+        {"run /dev/null --trace x.png", ".svg"},
+        {"status", "which ID"},
+        {"status ../x", "not a job id"},
+        {"status a b", "too many"},
+        {"list extra", "too many"},
+        {"list -l 201", "--limit takes"},
+        {"result j1 -f stl", "glb, obj, ply or json"},
+        {"trace j1 -f glb", "csv, json or svg"},
+        {"picture job.json", "needed"},
+        {"list --url nowhere", "http://"},
+        {"--bogus list", "bogus"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        int code = drape(wrong[i].line);
+        if (code != EXIT_USAGE || !strstr(errors, wrong[i].words)) {
+            print_error("drape %s: exit %d, \"%s\"\n", wrong[i].line, code, errors);
+            fail();
+        }
+        assert_string_equal(output, "");
+    }
+}
+
+static void test_cli__without_a_server_every_question_exits_with_3(void **state)
+{
+    const char *const lines[] = {"run /dev/null", "submit /dev/null", "status j1", "status --wait j1",
+                                 "result j1",     "trace j1 --plot",  "cancel j1", "list --status queued",
+                                 "materials"};
+    (void)state;
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
+        assert_int_equal(drape(lines[i]), EXIT_UNREACHABLE);
+        assert_non_null(strstr(errors, "http://127.0.0.1:1"));
+    }
+    assert_int_equal(drape("--url http://127.0.0.1:2 list"), EXIT_UNREACHABLE); /* before the command ... */
+    assert_non_null(strstr(errors, "127.0.0.1:2"));
+    assert_int_equal(drape("list --url http://127.0.0.1:3"), EXIT_UNREACHABLE); /* ... and behind it */
+    assert_non_null(strstr(errors, "127.0.0.1:3"));
+}
+
+static void test_cli__example_prints_a_job(void **state)
+{
+    (void)state;
+    assert_int_equal(drape("example square --triangles 200"), 0);
+    json_t *job = json_loads(output, JSON_REJECT_DUPLICATES, NULL);
+    assert_non_null(job);
+    json_t *mesh = json_object_get(json_object_get(job, "cloth"), "mesh");
+    assert_int_equal(json_array_size(json_object_get(mesh, "triangles")), 600);
+    json_decref(job);
+    assert_string_equal(errors, "");
+}
+
+static void test_cli__scene_turns_files_into_a_job(void **state)
+{
+    const char *garment = "../shared/data/garments/shirt_coarse";
+    char line[256];
+    (void)state;
+    snprintf(line, sizeof line, "%s.obj", garment);
+    if (access(line, R_OK) != 0) {
+        print_message("SKIP: %s is not there\n", line);
+        return;
+    }
+    snprintf(line, sizeof line,
+             "scene -g %s.obj -s %s.seams -m denim -t 1e-2 -i 77 --method auto --name shirt", garment,
+             garment);
+    assert_int_equal(drape(line), 0);
+    json_t *job = json_loads(output, 0, NULL), *solver = json_object_get(job, "solver");
+    assert_non_null(job);
+    assert_int_equal(json_array_size(json_object_get(json_object_get(job, "cloth"), "seams")), 270);
+    assert_int_equal(json_integer_value(json_object_get(solver, "max_iterations")), 77);
+    assert_close(json_number_value(json_object_get(solver, "tolerance")), 0.01, 1e-15);
+    json_decref(job);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_cli__every_command_has_help),
+        cmocka_unit_test(test_cli__wrong_arguments_exit_with_1_and_say_why),
+        cmocka_unit_test(test_cli__without_a_server_every_question_exits_with_3),
+        cmocka_unit_test(test_cli__example_prints_a_job),
+        cmocka_unit_test(test_cli__scene_turns_files_into_a_job),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
