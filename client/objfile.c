@@ -287,9 +287,6 @@ static int read_pair(struct reader *reader, const char *line, uint32_t pair[2])
         pair[k] = (uint32_t)(index - 1);
         line = end;
     }
-    if (pair[0] == pair[1]) {
-        return refuse(reader, "vertex %u is sewn to itself", pair[0] + 1);
-    }
     return 1;
 }
 

@@ -112,7 +112,8 @@ typedef struct drape_scene_desc {
     const double *positions;           /* 3*vertices: the start */
     const double *pattern;             /* 2*vertices: flat rest shape, m */
     const uint32_t *triangle;          /* 3*triangles */
-    const uint32_t *seam;              /* 2*seams: vertices sewn together; NULL if none */
+    const uint32_t *seam;              /* 2*seams: vertices sewn together (a vertex to itself: nothing);
+                                        * NULL if none */
     const uint32_t *pin;               /* pins: vertices held where they start; NULL if none */
     const drape_material *material;    /* materials, at least one */
     const uint32_t *triangle_material; /* triangles; NULL: material 0 everywhere */
@@ -191,7 +192,7 @@ typedef int drape_progress_fn(const drape_progress *progress, void *data);
 typedef struct drape_options {   /* start from drape_options_default() */
     drape_method method;         /* DRAPE_METHOD_AUTO */
     drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
-    double time_step;            /* s, [1e-6, 1e3]; 0.02 */
+    double time_step;            /* s, DRAPE_MIN_TIME_STEP to DRAPE_MAX_TIME_STEP; 0.02 */
     double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
     double time_limit;           /* s of wall time, > 0; 120 */
@@ -200,6 +201,8 @@ typedef struct drape_options {   /* start from drape_options_default() */
 } drape_options;
 
 #define DRAPE_MAX_ITERATIONS 100000
+#define DRAPE_MIN_TIME_STEP  1e-6 /* s */
+#define DRAPE_MAX_TIME_STEP  1e3  /* s */
 
 drape_options drape_options_default(void);
 

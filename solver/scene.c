@@ -101,10 +101,6 @@ static drape_status check_indices(const drape_scene_desc *desc, drape_error *ret
         if (desc->seam[i] >= desc->vertices)
             return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)(i / 2),
                            "vertex %u does not exist: there are %zu", desc->seam[i], desc->vertices);
-    for (size_t s = 0; s < desc->seams; s++)
-        if (desc->seam[2 * s] == desc->seam[2 * s + 1])
-            return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_SEAM, (int64_t)s, "vertex %u is sewn to itself",
-                           desc->seam[2 * s]);
     for (size_t i = 0; i < desc->pins; i++)
         if (desc->pin[i] >= desc->vertices)
             return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PIN, (int64_t)i,
@@ -248,6 +244,17 @@ static void *copy_of(const void *source, size_t count, size_t size)
     if (copy && count)
         memcpy(copy, source, count * size);
     return copy;
+}
+
+/* Copies the seams but for pairs of a vertex with itself: where many points join, real patterns have
+ * some, and they ask for nothing. */
+static bool copy_seams(const drape_scene_desc *desc, drape_scene *scene)
+{
+    scene->seam = malloc((desc->seams ? desc->seams : 1) * 2 * sizeof *scene->seam);
+    for (size_t s = 0; scene->seam && s < desc->seams; s++)
+        if (desc->seam[2 * s] != desc->seam[2 * s + 1])
+            memcpy(scene->seam + 2 * scene->seams++, desc->seam + 2 * s, 2 * sizeof *scene->seam);
+    return scene->seam != NULL;
 }
 
 static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes,
@@ -417,14 +424,12 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     if (!scene)
         return dr_out_of_memory(reterr);
     scene->vertices = desc->vertices;
-    scene->seams = desc->seams;
     scene->materials = desc->materials;
     memcpy(scene->gravity, desc->gravity, sizeof scene->gravity);
     scene->positions = copy_of(desc->positions, 3 * desc->vertices, sizeof *scene->positions);
-    scene->seam = copy_of(desc->seam, 2 * desc->seams, sizeof *scene->seam);
     scene->material = copy_of(desc->material, desc->materials, sizeof *scene->material);
     scene->vertex_node = malloc(desc->vertices * sizeof *scene->vertex_node);
-    if (!scene->positions || !scene->seam || !scene->material || !scene->vertex_node) {
+    if (!scene->positions || !copy_seams(desc, scene) || !scene->material || !scene->vertex_node) {
         status = dr_out_of_memory(reterr);
         goto cleanup;
     }

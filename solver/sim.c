@@ -30,7 +30,7 @@ static drape_status check_options(const drape_options *options, drape_error *ret
         member = "method";
     else if (options->stop_on > DRAPE_STOP_ON_KINETIC)
         member = "stop_on";
-    else if (!(options->time_step >= 1e-6 && options->time_step <= 1e3))
+    else if (!(options->time_step >= DRAPE_MIN_TIME_STEP && options->time_step <= DRAPE_MAX_TIME_STEP))
         member = "time_step";
     else if (!(options->tolerance > 0 && isfinite(options->tolerance)))
         member = "tolerance";
