@@ -1,0 +1,75 @@
+/* api.h - what the handlers behind the routes share: the rooms they may enter, and one call.
+ *
+ * A handler runs where its route says: on the HTTP thread (must not block), on the clerk's (short work
+ * with the store) or on the reader's (parsing whole bodies). It answers once, through http_send or the
+ * functions below; from then on the call may be freed at any moment and must not be touched. */
+#ifndef DRAPED_API_H
+#define DRAPED_API_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+
+#include "config.h"
+#include "executor.h"
+#include "http.h"
+#include "id.h"
+#include "metrics.h"
+#include "queue.h"
+#include "store.h"
+#include "stream.h"
+#include "waits.h"
+
+struct api { /* wired by main; outlives the listeners */
+    const struct config *config;
+    struct store *store;
+    struct queue *queue;
+    struct hub *hub;
+    struct metrics *metrics;
+    struct waits *waits;
+    struct executor *clerk, *reader;
+    const char *blas;  /* the BLAS kernel in use */
+    atomic_bool ready; /* started, and not stopping */
+};
+
+struct call;
+typedef void call_fn(struct call *call);
+
+struct call {
+    struct api *api;
+    struct http_request *request;
+    const struct route *route;
+    char id[SHA256_SIZE]; /* the {id} or {sha256} of the path; "" for routes without */
+    char job_id[ID_SIZE]; /* of the job that a waiting POST made */
+    call_fn *next;        /* what the executor is to run */
+    bool untimed;         /* a stream or a wait: says nothing about our speed */
+};
+
+/* Goes on with `next` on the clerk's or the reader's thread. call_defer is for the HTTP thread and
+ * suspends the request; call_pass is for a request that is suspended already. */
+void call_defer(struct call *call, struct executor *executor, call_fn *next);
+void call_pass(struct call *call, struct executor *executor, call_fn *next);
+
+/* Answers with a problem. */
+__attribute__((format(printf, 3, 4))) void call_refuse(struct call *call, enum problem_code code,
+                                                       const char *format, ...);
+void call_problem(struct call *call, const struct problem *problem);
+
+/* Answers with JSON; takes the reference (NULL: out of memory). */
+struct http_answer *answer_json(int status, json_t *json);
+
+/* ---- handlers ------------------------------------------------------------------------------------ */
+
+/* api_jobs.c */
+call_fn job_post, job_list, job_get, job_delete, job_events, job_result, job_trace;
+/* The hooks of waits.h; `data` unused. */
+void job_wait_changed(struct http_request *request, struct revision revision, bool ended, const char *body,
+                      void *data);
+void job_wait_expired(struct http_request *request, void *data);
+
+/* api_meshes.c */
+call_fn mesh_put, mesh_post, mesh_get;
+
+/* api_about.c */
+call_fn about_info, about_materials, about_openapi, about_root, admin_livez, admin_readyz, admin_metrics;
+
+#endif

@@ -1,0 +1,80 @@
+/* api_about.c - what the daemon says of itself: information, materials, documents, health, metrics. */
+#include "api.h"
+
+#include <string.h>
+
+#include "assets.h"
+#include "drape.h"
+#include "meshfile.h"
+#include "schema.h"
+
+static json_t *limits_json(const struct limits *limits)
+{
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:I, s:I, s:I, s:I, s:i}",
+                     "body_bytes", (json_int_t)limits->body_bytes, "json_depth",
+                     (json_int_t)limits->json_depth, "json_values", (json_int_t)limits->json_values,
+                     "vertices", (json_int_t)limits->vertices, "triangles", (json_int_t)limits->triangles,
+                     "bodies", (json_int_t)limits->bodies, "materials", (json_int_t)limits->materials,
+                     "name_bytes", (json_int_t)limits->name_bytes, "labels", (json_int_t)limits->labels,
+                     "max_iterations", (json_int_t)limits->max_iterations, "time_limit_s",
+                     limits->time_limit_s, "queued_jobs", (json_int_t)limits->queued_jobs, "connections",
+                     (json_int_t)limits->connections, "streams", (json_int_t)limits->streams, "reading",
+                     (json_int_t)limits->reading, "wait_s", WAIT_MAX_S);
+}
+
+void about_info(struct call *call)
+{
+    const struct config *config = call->api->config;
+    json_t *json =
+        json_pack("{s:s, s:s, s:s, s:i, s:s, s:{s:[s,s,s,s], s:[s,s,s,s], s:[s,s,s]}, s:[s,s,s], s:o}",
+                  "name", "draped", "version", drape_version(), "api", "v1", "workers", (int)config->workers,
+                  "blas", call->api->blas, "formats", "mesh", mesh_format_name(MESH_OBJ),
+                  mesh_format_name(MESH_PLY), mesh_format_name(MESH_GLB), mesh_format_name(MESH_JSON),
+                  "result", "json", "obj", "ply", "glb", "trace", "json", "csv", "svg", "methods", "auto",
+                  "stop-and-go", "dynamic", "limits", limits_json(&config->limits));
+    http_send(call->request, answer_json(200, json));
+}
+
+void about_materials(struct call *call)
+{
+    http_send(call->request, answer_json(200, schema_materials_json()));
+}
+
+void about_openapi(struct call *call)
+{
+    http_send(call->request, http_answer_static(200, "application/json", asset_openapi,
+                                                (size_t)(asset_openapi_end - asset_openapi)));
+}
+
+void about_root(struct call *call)
+{
+    static const char page[] =
+        "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>draped</title>\n"
+        "<h1>draped</h1>\n<p>Finds how garments hang at rest.</p>\n<ul>\n"
+        "<li><a href=\"/openapi.json\">/openapi.json</a>: the interface</li>\n"
+        "<li><a href=\"/v1/info\">/v1/info</a>: version, limits, formats</li>\n"
+        "<li><a href=\"/v1/materials\">/v1/materials</a>: the fabrics known by name</li>\n"
+        "<li><a href=\"/v1/jobs\">/v1/jobs</a>: the jobs</li>\n</ul>\n</html>\n";
+    http_send(call->request, http_answer_static(200, "text/html; charset=utf-8", page, sizeof page - 1));
+}
+
+/* Alive is whoever can say so: asks nobody, least of all the store. */
+void admin_livez(struct call *call)
+{
+    http_send(call->request, http_answer_static(200, "text/plain; charset=utf-8", "ok\n", 3));
+}
+
+void admin_readyz(struct call *call)
+{
+    static const char no[] = "stopping\n";
+    if (atomic_load(&call->api->ready))
+        http_send(call->request, http_answer_static(200, "text/plain; charset=utf-8", "ok\n", 3));
+    else
+        http_send(call->request, http_answer_static(503, "text/plain; charset=utf-8", no, sizeof no - 1));
+}
+
+void admin_metrics(struct call *call)
+{
+    http_send(call->request, http_answer_text(200, "text/plain; version=0.0.4; charset=utf-8",
+                                              metrics_text(call->api->metrics)));
+}

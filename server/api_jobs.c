@@ -1,0 +1,636 @@
+/* api_jobs.c - jobs: posted, listed, looked at, followed, cancelled, and their results. */
+#include "api.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "log.h"
+#include "meshref.h"
+#include "negotiate.h"
+#include "output.h"
+#include "schema.h"
+
+#define LIST_DEFAULT 50
+#define LIST_MAX     200
+
+/* ---- answers ------------------------------------------------------------------------------------- */
+
+static struct http_answer *answer_body(int status, struct revision revision, char *body, bool ended)
+{
+    char text[REVISION_SIZE];
+    revision_format(revision, text);
+    struct http_answer *answer = http_answer_text(status, "application/json", body);
+    http_answer_header(answer, "ETag", "\"%s\"", text);
+    http_answer_header(answer, "Cache-Control", "no-cache");
+    if (!ended)
+        http_answer_header(answer, "Retry-After", "1");
+    return answer;
+}
+
+static void refuse_unknown(struct call *call, int found, const struct problem *problem)
+{
+    if (found == STORE_NONE)
+        call_refuse(call, PROBLEM_NOT_FOUND, "There is no such job.");
+    else if (found == STORE_GONE)
+        call_refuse(call, PROBLEM_GONE, "The job was removed.");
+    else
+        call_problem(call, problem);
+}
+
+/* The body of a job as it stands, wherever it is. On the clerk's or the reader's thread. 0, STORE_NONE,
+ * STORE_GONE, or -1 with *reterr. */
+static int look_up(struct api *api, const char *id, char **ret_body, struct revision *ret_revision,
+                   bool *ret_ended, struct problem *reterr)
+{
+    struct job job;
+    int found = queue_body(api->queue, id, ret_body, ret_revision);
+    if (found != QUEUE_NONE) {
+        *ret_ended = false;
+        return found == 0 ? 0 : problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    }
+    found = store_job_get(api->store, id, &job, reterr);
+    if (found != 0)
+        return found;
+    *ret_body = job_body(&job, 0);
+    *ret_revision = job.revision;
+    *ret_ended = job_status_ended(job.status);
+    job_done(&job);
+    return *ret_body != NULL ? 0 : problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+}
+
+/* ---- waiting --------------------------------------------------------------------------------------- */
+
+/* The answer of a POST: 202, or 200 when it saw the end. Takes `body`. */
+static struct http_answer *answer_post(const char *id, struct revision revision, char *body, bool ended,
+                                       bool waited)
+{
+    struct http_answer *answer = answer_body(ended ? 200 : 202, revision, body, ended);
+    http_answer_header(answer, "Location", "/v1/jobs/%s", id);
+    if (ended && waited)
+        http_answer_header(answer, "Preference-Applied", "wait");
+    return answer;
+}
+
+static struct http_answer *answer_get(struct call *call, struct revision revision, char *body, bool ended)
+{
+    char etag[REVISION_SIZE + 2], text[REVISION_SIZE];
+    revision_format(revision, text);
+    snprintf(etag, sizeof etag, "\"%s\"", text);
+    if (!negotiate_unchanged(http_header(call->request, "If-None-Match"), etag))
+        return answer_body(200, revision, body, ended);
+    free(body);
+    struct http_answer *answer = http_answer_empty(304);
+    http_answer_header(answer, "ETag", "%s", etag);
+    return answer;
+}
+
+static struct http_answer *answer_waiting(struct call *call, struct revision revision, char *body, bool ended)
+{
+    if (call->job_id[0] != '\0')
+        return answer_post(call->job_id, revision, body, ended, true);
+    struct http_answer *answer = answer_get(call, revision, body, ended);
+    http_answer_header(answer, "Preference-Applied", "wait");
+    return answer;
+}
+
+void job_wait_changed(struct http_request *request, struct revision revision, bool ended, const char *body,
+                      void *data)
+{
+    struct call *call = http_context(request);
+    (void)data;
+    char *copy = strdup(body);
+    http_send(request, copy == NULL ? NULL : answer_waiting(call, revision, copy, ended));
+}
+
+/* On the clerk's thread: the time is up, and the job may have ended at that very moment. */
+static void answer_expired(struct call *call)
+{
+    struct problem problem;
+    struct revision revision;
+    char *body;
+    bool ended;
+    const char *id = call->job_id[0] != '\0' ? call->job_id : call->id;
+    int found = look_up(call->api, id, &body, &revision, &ended, &problem);
+    if (found != 0)
+        refuse_unknown(call, found, &problem);
+    else
+        http_send(call->request, answer_waiting(call, revision, body, ended));
+}
+
+void job_wait_expired(struct http_request *request, void *data)
+{
+    struct call *call = http_context(request);
+    (void)data;
+    call_pass(call, call->api->clerk, answer_expired);
+}
+
+/* Waits up to `seconds` for job `id` to end, or to pass `seen`. The call may be gone when it returns. */
+static void wait_for_job(struct call *call, const char *id, struct revision seen, int seconds)
+{
+    struct api *api = call->api;
+    struct problem problem;
+    struct revision revision;
+    char *body, copy[ID_SIZE];
+    bool ended;
+    snprintf(copy, sizeof copy, "%s", id);
+    call->untimed = true;
+    if (waits_add(api->waits, call->request, copy, seen, clock_monotonic_ms() + 1000 * (int64_t)seconds) !=
+        0) {
+        answer_expired(call);
+        return;
+    }
+    /* It may have happened just before the wait began. */
+    if (look_up(api, copy, &body, &revision, &ended, &problem) == 0) {
+        waits_changed(api->waits, copy, revision, ended, body);
+        free(body);
+    }
+}
+
+/* ---- POST ------------------------------------------------------------------------------------------ */
+
+/* What a checked document says about the job itself; 0, or -1 when out of memory. */
+static int fill_job(const struct job_spec *spec, struct job *ret)
+{
+    id_new(ret->id);
+    if (spec->name[0] != '\0' && (ret->name = strdup(spec->name)) == NULL)
+        return -1;
+    if (spec->labels != NULL && (ret->labels = json_dumps(spec->labels, JSON_COMPACT)) == NULL)
+        return -1;
+    return 0;
+}
+
+/* Reads, checks and commits; 0 with the job's id and body, or -1 with *reterr. */
+static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, struct problem *reterr)
+{
+    struct api *api = call->api;
+    struct meshref meshref = {api->store, &api->config->limits};
+    struct job_spec *spec = NULL;
+    struct job job = {0};
+    const void *text;
+    size_t bytes;
+    if (http_body(call->request, &text, &bytes) != 0)
+        return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    int failed = schema_job_parse(text, bytes, &api->config->limits, meshref_load, &meshref, &spec, reterr);
+    if (failed)
+        return -1;
+    failed = fill_job(spec, &job);
+    job_spec_free(spec);
+    memcpy(ret_id, job.id, sizeof job.id);
+    if (failed)
+        problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    else
+        failed = queue_submit(api->queue, &job, text, bytes, ret_body, reterr);
+    job_done(&job);
+    if (!failed)
+        log_event(LOG_LEVEL_INFO, "job.accepted", "job=%s bytes=%zu request=%s", ret_id, bytes,
+                  http_request_id(call->request));
+    return failed;
+}
+
+void job_post(struct call *call)
+{
+    struct problem problem;
+    char id[ID_SIZE], *body;
+    if (accept_job(call, id, &body, &problem) != 0) {
+        call_problem(call, &problem);
+        return;
+    }
+    http_drop_body(call->request);
+    int seconds = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S);
+    if (seconds > 0) {
+        free(body);
+        memcpy(call->job_id, id, sizeof id);
+        wait_for_job(call, id, (struct revision){0, 0}, seconds);
+    } else {
+        http_send(call->request, answer_post(id, (struct revision){1, 1}, body, false, false));
+    }
+}
+
+/* ---- GET, DELETE ------------------------------------------------------------------------------------- */
+
+static void get_stored(struct call *call)
+{
+    struct problem problem;
+    struct revision revision;
+    char *body;
+    bool ended;
+    int found = look_up(call->api, call->id, &body, &revision, &ended, &problem);
+    if (found != 0)
+        refuse_unknown(call, found, &problem);
+    else
+        http_send(call->request, answer_get(call, revision, body, ended));
+}
+
+/* A long poll, on the clerk's thread. With If-None-Match it waits for another revision, else for the end. */
+static void get_waiting(struct call *call)
+{
+    struct revision seen = {0, 0};
+    char text[REVISION_SIZE] = "";
+    const char *header = http_header(call->request, "If-None-Match");
+    int seconds = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S);
+    if (header != NULL && (sscanf(header, "\"%23[0-9.]\"", text) != 1 || revision_parse(text, &seen) != 0))
+        get_stored(call); /* several tags, or none of ours: nothing to wait for */
+    else
+        wait_for_job(call, call->id, seen, seconds);
+}
+
+/* Of jobs that have not ended, from memory: costs microseconds, whatever the workers and the disk do. */
+void job_get(struct call *call)
+{
+    struct revision revision;
+    char *body;
+    bool wait = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S) > 0;
+    int found = queue_body(call->api->queue, call->id, &body, &revision);
+    if (found == QUEUE_NONE)
+        call_defer(call, call->api->clerk, get_stored);
+    else if (found < 0)
+        http_send(call->request, NULL);
+    else if (wait) {
+        free(body);
+        call_defer(call, call->api->clerk, get_waiting);
+    } else {
+        http_send(call->request, answer_get(call, revision, body, false));
+    }
+}
+
+void job_delete(struct call *call)
+{
+    struct problem problem;
+    char *body;
+    int found = queue_cancel(call->api->queue, call->id, &body, &problem);
+    if (found == 0) {
+        log_event(LOG_LEVEL_INFO, "job.cancel", "job=%s request=%s", call->id,
+                  http_request_id(call->request));
+        http_send(call->request, http_answer_text(202, "application/json", body));
+        return;
+    }
+    if (found == QUEUE_NONE)
+        found = store_job_remove(call->api->store, call->id, clock_wall_ms(), &problem);
+    if (found == 0 || found == STORE_GONE)
+        http_send(call->request, http_answer_empty(204));
+    else
+        refuse_unknown(call, found, &problem);
+}
+
+/* ---- list ---------------------------------------------------------------------------------------------- */
+
+struct listing {
+    struct api *api;
+    FILE *out;
+    size_t count;
+};
+
+/* Jobs that have not ended are shown as they are in memory, progress and all. */
+static int list_job(const struct job *job, void *data)
+{
+    struct listing *listing = data;
+    struct revision revision;
+    char *body = NULL;
+    if (job_status_ended(job->status) ||
+        queue_body(listing->api->queue, job->id, &body, &revision) == QUEUE_NONE)
+        body = job_body(job, 0);
+    if (body == NULL)
+        return -1;
+    fprintf(listing->out, "%s%s", listing->count++ > 0 ? "," : "", body);
+    free(body);
+    return 0;
+}
+
+/* A cursor is a place in the store's order, marked so that other numbers are not taken for one. */
+static int parse_cursor(const char *text, int64_t *ret)
+{
+    size_t n = strlen(text);
+    if (n < 2 || n > 17 || text[0] != 'c' || strspn(text + 1, "0123456789abcdef") != n - 1)
+        return -1;
+    *ret = (int64_t)strtoull(text + 1, NULL, 16);
+    return *ret > 0 ? 0 : -1;
+}
+
+struct list_query {
+    struct store_filter filter;
+    char status[16], label[512], cursor[32], limit[8];
+};
+
+/* Reads one argument; `buffer` is "" when it is absent. -1 with *reterr. */
+static int read_argument(const struct call *call, const char *name, char *buffer, size_t size,
+                         struct problem *reterr)
+{
+    buffer[0] = '\0';
+    if (http_query(call->request, name, buffer, size) < 0)
+        return problem_set(reterr, PROBLEM_BAD_REQUEST, "The argument %s is malformed.", name);
+    return 0;
+}
+
+static int read_query(const struct call *call, struct list_query *ret, struct problem *reterr)
+{
+    struct store_filter *filter = &ret->filter;
+    *filter = (struct store_filter){.status = -1, .before = INT64_MAX, .limit = LIST_DEFAULT};
+    if (read_argument(call, "status", ret->status, sizeof ret->status, reterr) != 0 ||
+        read_argument(call, "label", ret->label, sizeof ret->label, reterr) != 0 ||
+        read_argument(call, "cursor", ret->cursor, sizeof ret->cursor, reterr) != 0 ||
+        read_argument(call, "limit", ret->limit, sizeof ret->limit, reterr) != 0)
+        return -1;
+    if (ret->status[0] != '\0' && (filter->status = job_status_from_name(ret->status)) < 0)
+        return problem_set(reterr, PROBLEM_BAD_REQUEST, "There is no such status.");
+    if (ret->cursor[0] != '\0' && parse_cursor(ret->cursor, &filter->before) != 0)
+        return problem_set(reterr, PROBLEM_BAD_CURSOR, "The cursor is not one that this server gave.");
+    if (ret->limit[0] != '\0') {
+        filter->limit = strtoul(ret->limit, NULL, 10);
+        if (strspn(ret->limit, "0123456789") != strlen(ret->limit) || filter->limit < 1 ||
+            filter->limit > LIST_MAX)
+            return problem_set(reterr, PROBLEM_BAD_REQUEST, "The limit must be from 1 to %d.", LIST_MAX);
+    }
+    char *colon = strchr(ret->label, ':');
+    if (ret->label[0] != '\0' && colon == NULL)
+        return problem_set(reterr, PROBLEM_BAD_REQUEST, "A label is given as name:value.");
+    if (colon != NULL) {
+        *colon = '\0';
+        filter->label_name = ret->label;
+        filter->label_value = colon + 1;
+    }
+    return 0;
+}
+
+/* Appends text of an argument with everything but letters and digits escaped. */
+static void write_escaped(FILE *out, const char *text)
+{
+    for (; *text != '\0'; text++) {
+        unsigned char c = (unsigned char)*text;
+        bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+        fprintf(out, plain ? "%c" : "%%%02X", c);
+    }
+}
+
+static void add_next_link(struct http_answer *answer, const struct list_query *query, int64_t last)
+{
+    char link[2048];
+    FILE *out = fmemopen(link, sizeof link, "w");
+    if (out == NULL)
+        return;
+    fprintf(out, "</v1/jobs?cursor=c%" PRIx64 "&limit=%zu", (uint64_t)last, query->filter.limit);
+    if (query->status[0] != '\0')
+        fprintf(out, "&status=%s", query->status);
+    if (query->filter.label_name != NULL) {
+        fputs("&label=", out);
+        write_escaped(out, query->filter.label_name);
+        fputs("%3A", out);
+        write_escaped(out, query->filter.label_value);
+    }
+    fputs(">; rel=\"next\"", out);
+    fclose(out);
+    http_answer_header(answer, "Link", "%s", link);
+}
+
+void job_list(struct call *call)
+{
+    struct problem problem;
+    struct list_query query;
+    struct listing listing = {call->api, NULL, 0};
+    char *text = NULL;
+    size_t size;
+    int64_t last;
+    bool more;
+    if (read_query(call, &query, &problem) != 0) {
+        call_problem(call, &problem);
+        return;
+    }
+    listing.out = open_memstream(&text, &size);
+    if (listing.out == NULL) {
+        http_send(call->request, NULL);
+        return;
+    }
+    fputs("{\"jobs\":[", listing.out);
+    int failed = store_job_list(call->api->store, &query.filter, list_job, &listing, &last, &more, &problem);
+    fputs("]}", listing.out);
+    if (fclose(listing.out) != 0 && !failed)
+        failed = problem_set(&problem, PROBLEM_INTERNAL, "Out of memory.");
+    if (failed) {
+        free(text);
+        call_problem(call, &problem);
+        return;
+    }
+    struct http_answer *answer = http_answer_text(200, "application/json", text);
+    http_answer_header(answer, "Cache-Control", "no-cache");
+    if (more)
+        add_next_link(answer, &query, last);
+    http_send(call->request, answer);
+}
+
+/* ---- events ---------------------------------------------------------------------------------------------
+ */
+
+struct feed { /* a follower and the connection it feeds */
+    struct follower *follower;
+    struct http_wake *wake;
+};
+
+static ssize_t pull_feed(void *data, char *buffer, size_t max)
+{
+    return follower_pull(((struct feed *)data)->follower, buffer, max);
+}
+
+static void end_feed(void *data)
+{
+    struct feed *feed = data;
+    follower_free(feed->follower);
+    free(feed);
+}
+
+static void wake_feed(void *data)
+{
+    http_wake(((struct feed *)data)->wake);
+}
+
+static struct revision last_event_id(const struct call *call)
+{
+    struct revision seen = {0, 0};
+    const char *header = http_header(call->request, "Last-Event-ID");
+    if (header != NULL)
+        revision_parse(header, &seen); /* one that is none of ours starts afresh */
+    return seen;
+}
+
+/* An event stream whose follower is still to be made; NULL when out of memory. */
+static struct http_answer *answer_feed(struct call *call, struct feed **ret)
+{
+    struct feed *feed = calloc(1, sizeof *feed);
+    if (feed == NULL)
+        return NULL;
+    struct http_answer *answer = http_answer_stream(http_of(call->request), "text/event-stream", pull_feed,
+                                                    end_feed, feed, &feed->wake);
+    http_answer_header(answer, "Cache-Control", "no-store");
+    http_answer_header(answer, "X-Accel-Buffering", "no");
+    *ret = feed;
+    return answer;
+}
+
+/* Of a job that has ended: its end, unless that was seen. On the clerk's thread. */
+static void events_stored(struct call *call)
+{
+    struct problem problem;
+    struct revision revision, seen = last_event_id(call);
+    struct feed *feed;
+    char *body;
+    bool ended;
+    int found = look_up(call->api, call->id, &body, &revision, &ended, &problem);
+    if (found != 0) {
+        refuse_unknown(call, found, &problem);
+        return;
+    }
+    if (revision_compare(seen, revision) >= 0) {
+        free(body);
+        http_send(call->request, http_answer_empty(204));
+        return;
+    }
+    struct http_answer *answer = answer_feed(call, &feed);
+    if (answer != NULL)
+        found = follower_new_ended(call->api->hub, revision, body, &feed->follower);
+    free(body);
+    if (answer != NULL && found != 0) {
+        http_answer_free(answer);
+        if (found > 0) {
+            call_refuse(call, PROBLEM_TOO_MANY_STREAMS, "Too many event streams are open.");
+            return;
+        }
+        answer = NULL;
+    }
+    http_send(call->request, answer);
+}
+
+void job_events(struct call *call)
+{
+    static const char *const offer[] = {"text/event-stream"};
+    struct problem problem;
+    struct feed *feed;
+    call->untimed = true;
+    if (negotiate_accept(http_header(call->request, "Accept"), offer, 1) < 0) {
+        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "Events come as text/event-stream.");
+        return;
+    }
+    struct http_answer *answer = answer_feed(call, &feed);
+    if (answer == NULL) {
+        http_send(call->request, NULL);
+        return;
+    }
+    int found = queue_follow(call->api->queue, call->id, last_event_id(call), wake_feed, feed,
+                             &feed->follower, &problem);
+    if (found == 0) {
+        http_send(call->request, answer);
+        return;
+    }
+    http_answer_free(answer);
+    if (found == QUEUE_NONE)
+        call_defer(call, call->api->clerk, events_stored);
+    else
+        call_problem(call, &problem);
+}
+
+/* ---- results ----------------------------------------------------------------------------------------------
+ */
+
+struct representation {
+    const char *name, *type, *file;
+};
+
+static const struct representation result_table[] = {
+    {"json", "application/json", OUTPUT_RESULT_JSON},
+    {"glb", "model/gltf-binary", OUTPUT_RESULT_GLB},
+    {"obj", "model/obj", OUTPUT_RESULT_OBJ},
+    {"ply", "application/x-ply", OUTPUT_RESULT_PLY},
+};
+
+static const struct representation trace_table[] = {
+    {"json", "application/json", OUTPUT_TRACE_JSON},
+    {"csv", "text/csv", OUTPUT_TRACE_CSV},
+    {"svg", "image/svg+xml", OUTPUT_TRACE_SVG},
+};
+
+/* By ?format=, else by Accept; NULL when none will do. */
+static const struct representation *choose(const struct call *call, const struct representation *table,
+                                           size_t count)
+{
+    char format[16];
+    const char *type[8];
+    int given = http_query(call->request, "format", format, sizeof format);
+    for (size_t i = 0; i < count; i++) {
+        if (given == 0 && strcmp(format, table[i].name) == 0)
+            return &table[i];
+        type[i] = table[i].type;
+    }
+    if (given != 1)
+        return NULL;
+    int best = negotiate_accept(http_header(call->request, "Accept"), type, count);
+    return best < 0 ? NULL : &table[best];
+}
+
+/* The job when it has ended; otherwise answers, and is false. */
+static bool find_ended(struct call *call, struct job *ret)
+{
+    struct problem problem;
+    int found = store_job_get(call->api->store, call->id, ret, &problem);
+    if (found != 0) {
+        refuse_unknown(call, found, &problem);
+        return false;
+    }
+    if (job_status_ended(ret->status))
+        return true;
+    job_done(ret);
+    call_refuse(call, PROBLEM_NOT_READY, "The job has not ended yet.");
+    return false;
+}
+
+static void send_file(struct call *call, const struct job *job, const struct representation *r)
+{
+    struct problem problem;
+    uint64_t bytes;
+    int fd;
+    char etag[96];
+    int found = job->status == JOB_SUCCEEDED
+                    ? store_result_open(call->api->store, job->id, job->revision.attempt, r->file, &fd,
+                                        &bytes, &problem)
+                    : STORE_NONE;
+    if (found > 0)
+        problem_set(&problem, PROBLEM_NO_RESULT, "The job ended as %s, without a result.",
+                    job_status_name(job->status));
+    if (found != 0) {
+        call_problem(call, &problem);
+        return;
+    }
+    snprintf(etag, sizeof etag, "\"%s-%" PRIu32 "-%s\"", job->id, job->revision.attempt, r->name);
+    struct http_answer *answer = http_answer_file(200, r->type, fd, bytes);
+    if (negotiate_unchanged(http_header(call->request, "If-None-Match"), etag)) {
+        http_answer_free(answer);
+        answer = http_answer_empty(304);
+    }
+    http_answer_header(answer, "ETag", "%s", etag);
+    http_answer_header(answer, "Vary", "Accept");
+    http_answer_header(answer, "Cache-Control", "no-cache");
+    http_send(call->request, answer);
+}
+
+static void send_representation(struct call *call, const struct representation *table, size_t count)
+{
+    struct job job;
+    if (!find_ended(call, &job))
+        return;
+    const struct representation *r = choose(call, table, count);
+    if (r == NULL)
+        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
+    else
+        send_file(call, &job, r);
+    job_done(&job);
+}
+
+void job_result(struct call *call)
+{
+    send_representation(call, result_table, sizeof result_table / sizeof *result_table);
+}
+
+void job_trace(struct call *call)
+{
+    send_representation(call, trace_table, sizeof trace_table / sizeof *trace_table);
+}

@@ -1,0 +1,15 @@
+/* clock.h - the two clocks: monotonic for durations, wall time for people. */
+#ifndef DRAPED_CLOCK_H
+#define DRAPED_CLOCK_H
+
+#include <stdint.h>
+
+#define CLOCK_TEXT_SIZE 32
+
+int64_t clock_monotonic_ms(void); /* never goes back; meaningless across restarts */
+int64_t clock_wall_ms(void);      /* since 1970, UTC; may jump */
+
+/* "2007-06-25T09:30:00.125Z" (RFC 3339) */
+void clock_format(int64_t wall_ms, char ret[CLOCK_TEXT_SIZE]);
+
+#endif

@@ -1,0 +1,34 @@
+/* config.h - the daemon's settings, from its command line. */
+#ifndef DRAPED_CONFIG_H
+#define DRAPED_CONFIG_H
+
+#include <stddef.h>
+#include <sys/socket.h>
+
+#include "limits.h"
+#include "log.h"
+
+#define CONFIG_MAX_WORKERS 256 /* OpenBLAS as Debian builds it serves few callers more */
+
+struct config {                            /* strings are borrowed from argv or the environment */
+    struct sockaddr_storage listen, admin; /* loopback only, as long as there are no keys */
+    const char *data;
+    const char *url_file; /* NULL: none */
+    unsigned workers;
+    unsigned drain_seconds;
+    enum log_level log_level;
+    struct limits limits;
+};
+
+/* Without --data: the folder systemd made for the service, else this one below the current folder. */
+#define CONFIG_DEFAULT_DATA "draped-data"
+
+/* 0 and *ret, or -1 and one line in `message`. --help, --version and unknown flags print and exit, as
+ * argp does. */
+int config_parse(int argc, char **argv, struct config *ret, char *message, size_t message_size);
+
+/* "127.0.0.1:8080", "localhost:0", "[::1]:8080"; any but a loopback address is refused. */
+int config_parse_address(const char *text, struct sockaddr_storage *ret, char *message, size_t message_size);
+socklen_t config_address_size(const struct sockaddr_storage *address);
+
+#endif

@@ -1,0 +1,32 @@
+/* files.h - files that are whole or not there: written aside, synced, renamed, folder synced.
+ *
+ * All functions return 0, or -1 with errno. Descriptors are close-on-exec. */
+#ifndef DRAPED_FILES_H
+#define DRAPED_FILES_H
+
+#include <stddef.h>
+
+int files_make_dir(int dirfd, const char *name, int *ret_fd); /* opens it; existing is fine */
+
+/* Writes all of `data` to `fd`, going on after short writes and signals. */
+int files_write_all(int fd, const void *data, size_t bytes);
+
+/* Afterwards `name` holds exactly `data`, also after a power cut. */
+int files_write_durably(int dirfd, const char *name, const void *data, size_t bytes);
+
+/* Readers of `path` see the old file or all of the new one. */
+int files_write_whole(const char *path, const void *data, size_t bytes);
+
+/* Renames a folder whose files are synced, durably; an older folder of the new name is removed. */
+int files_publish_dir(int dirfd, const char *name, const char *new_name);
+
+/* Removes a file, or a folder with the files in it; one that is not there is fine. */
+int files_remove(int dirfd, const char *name);
+
+/* Reads a whole file; the caller frees *ret, which ends with a NUL that is not counted. */
+int files_read(int dirfd, const char *name, char **ret, size_t *ret_bytes);
+
+/* Calls `each` for every entry but "." and "..". */
+int files_list(int dirfd, void (*each)(const char *name, void *data), void *data);
+
+#endif

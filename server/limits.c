@@ -1,0 +1,33 @@
+/* limits.c - the default of every limit, each with its reason. */
+#include "limits.h"
+
+#include "drape.h"
+
+const struct limits limits_default = {
+    /* A cloth of 200 000 vertices and a body as large, printed with 17 digits, come to about 55 MB. */
+    .body_bytes = 64u << 20,
+    /* The deepest honest document (a motion's mesh in a body) has 6 levels; jansson recurses. */
+    .json_depth = 32,
+    /* jansson holds 11 to 22 bytes per input byte of numbers: 8 M values stay below 1 GB. */
+    .json_values = 8u << 20,
+    /* A factorisation of 200 000 nodes needs about 4 GB; beyond that a job is a batch, not a request. */
+    .vertices = 200000,
+    /* Twice the vertices, as in any large triangle mesh. */
+    .triangles = 400000,
+    .bodies = DRAPE_MAX_BODIES,
+    /* One per pattern piece of a large garment, and room to spare. */
+    .materials = 256,
+    .name_bytes = 200,
+    .labels = 32,
+    .max_iterations = DRAPE_MAX_ITERATIONS,
+    /* An hour: no job holds a worker for ever. */
+    .time_limit_s = 3600,
+    /* At seconds a job, the thousandth waits for a good part of an hour: later ones had better retry. */
+    .queued_jobs = 1000,
+    /* Half of the usual 1024 descriptors; the rest serve spools, results and the store. */
+    .connections = 512,
+    /* Below the connections, so that streams alone can never shut everybody else out. */
+    .streams = 128,
+    /* Times body_bytes: 1 GiB of spool files, and a wait of a second or two for the parser. */
+    .reading = 16,
+};

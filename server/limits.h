@@ -1,0 +1,28 @@
+/* limits.h - every limit a user can run into, with its default; config.c may change some by flag. */
+#ifndef DRAPED_LIMITS_H
+#define DRAPED_LIMITS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+struct limits {
+    size_t body_bytes;       /* one request body; 413 */
+    size_t json_depth;       /* nesting of a job document; 400 */
+    size_t json_values;      /* values (numbers, strings, ...) in a job document; 422 too-large */
+    size_t vertices;         /* cloth, and each body mesh; 422 too-large */
+    size_t triangles;        /* cloth, and each body mesh; 422 too-large */
+    size_t bodies;           /* 422 too-large */
+    size_t materials;        /* 422 too-large */
+    size_t name_bytes;       /* job name; 422 */
+    size_t labels;           /* 422 */
+    uint32_t max_iterations; /* 422 */
+    double time_limit_s;     /* 422 */
+    size_t queued_jobs;      /* queued and running; 503 queue-full */
+    size_t connections;      /* API listener */
+    size_t streams;          /* event streams; 429 */
+    size_t reading;          /* whole bodies waiting to be parsed, or being parsed; 503 busy */
+};
+
+extern const struct limits limits_default;
+
+#endif

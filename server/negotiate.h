@@ -1,0 +1,21 @@
+/* negotiate.h - request headers that choose: Accept, If-None-Match, Prefer. Pure text, no sockets. */
+#ifndef DRAPED_NEGOTIATE_H
+#define DRAPED_NEGOTIATE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* The index of the media type of `offer` that `accept` (NULL: anything) likes best, the first of
+ * equals; -1: none is acceptable (RFC 9110 section 12.5.1). */
+int negotiate_accept(const char *accept, const char *const *offer, size_t offers);
+
+/* Whether an If-None-Match (NULL: none) names `etag` (with its quotes), or is "*". Weak comparison. */
+bool negotiate_unchanged(const char *if_none_match, const char *etag);
+
+/* The seconds of "Prefer: wait=n" (RFC 7240), at most `max`; 0: there is no such preference. */
+int negotiate_wait(const char *prefer, int max);
+
+/* Whether a Content-Type (NULL: none) is `media_type`, whatever its parameters. */
+bool negotiate_is_type(const char *content_type, const char *media_type);
+
+#endif

@@ -1,0 +1,281 @@
+/* output.c - the files of a finished job: the drape in every format, and its trace. */
+#include "output.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "plot.h"
+
+/* What every writer below may need; nothing in it is changed by them. */
+struct output {
+    const struct job_spec *spec;
+    const drape_report *report;
+    struct mesh mesh; /* the drape; borrows its arrays */
+    double *normals;  /* 3*vertices */
+    const drape_row *row;
+    size_t rows;
+};
+
+typedef int writer_fn(FILE *file, const struct output *output);
+
+/* ---- vertex normals --------------------------------------------------------------------------- */
+
+/* The first vertex of those sewn together with `i`; halves the paths as it goes. */
+static uint32_t find_root(uint32_t *parent, uint32_t i)
+{
+    while (parent[i] != i)
+        i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+static uint32_t *weld(const drape_scene_desc *scene)
+{
+    uint32_t *parent = calloc(scene->vertices, sizeof *parent);
+    if (!parent)
+        return NULL;
+    for (size_t i = 0; i < scene->vertices; i++)
+        parent[i] = (uint32_t)i;
+    for (size_t s = 0; s < scene->seams; s++)
+        parent[find_root(parent, scene->seam[2 * s])] = find_root(parent, scene->seam[2 * s + 1]);
+    return parent;
+}
+
+/* The cross product of two sides is the normal times twice the area: its sum over the triangles around
+ * a vertex is the area-weighted normal. */
+static void add_triangle_normal(const double *x, const uint32_t *t, uint32_t *parent, double *normals)
+{
+    const double *a = x + 3 * (size_t)t[0], *b = x + 3 * (size_t)t[1], *c = x + 3 * (size_t)t[2];
+    double u[3], v[3];
+    for (size_t k = 0; k < 3; k++) {
+        u[k] = b[k] - a[k];
+        v[k] = c[k] - a[k];
+    }
+    double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    for (size_t corner = 0; corner < 3; corner++)
+        for (size_t k = 0; k < 3; k++)
+            normals[3 * (size_t)find_root(parent, t[corner]) + k] += n[k];
+}
+
+/* Unit normals, smooth across seams; straight up where there is no surface. malloc'd. */
+static double *make_normals(const drape_scene_desc *scene, const double *positions)
+{
+    double *normals = calloc(scene->vertices, 3 * sizeof *normals);
+    uint32_t *parent = weld(scene);
+    if (normals && parent) {
+        for (size_t t = 0; t < scene->triangles; t++)
+            add_triangle_normal(positions, scene->triangle + 3 * t, parent, normals);
+        for (size_t i = 0; i < scene->vertices; i++) {
+            size_t root = find_root(parent, (uint32_t)i);
+            if (root != i)
+                memcpy(normals + 3 * i, normals + 3 * root, 3 * sizeof *normals);
+        }
+    }
+    for (size_t i = 0; normals && i < scene->vertices; i++) {
+        double *n = normals + 3 * i, length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        if (length > 0)
+            for (size_t k = 0; k < 3; k++)
+                n[k] /= length;
+        else
+            n[1] = 1;
+    }
+    if (!parent) {
+        free(normals);
+        normals = NULL;
+    }
+    free(parent);
+    return normals;
+}
+
+/* ---- the drape -------------------------------------------------------------------------------- */
+
+/* 9 significant digits tell any two 32-bit floats apart. */
+#define POSITION_DIGITS 9
+#define NORMAL_DIGITS   6
+
+static void put_numbers(FILE *file, const char *member, const double *value, size_t n, int digits)
+{
+    fprintf(file, "\"%s\":[", member);
+    for (size_t i = 0; i < n; i++)
+        fprintf(file, i > 0 ? ",%.*g" : "%.*g", digits, value[i]);
+    fputs("],\n", file);
+}
+
+static int write_json(FILE *file, const struct output *output)
+{
+    const struct mesh *mesh = &output->mesh;
+    fputs("{", file);
+    put_numbers(file, "positions", mesh->positions, 3 * mesh->vertices, POSITION_DIGITS);
+    put_numbers(file, "normals", output->normals, 3 * mesh->vertices, NORMAL_DIGITS);
+    fputs("\"triangles\":[", file);
+    for (size_t i = 0; i < 3 * mesh->triangles; i++)
+        fprintf(file, i > 0 ? ",%u" : "%u", mesh->triangle[i]);
+    fputs("],\n", file);
+    put_numbers(file, "pattern", mesh->pattern, 2 * mesh->vertices, POSITION_DIGITS);
+    fprintf(file, "\"verdict\":\"%s\"}\n", drape_verdict_name(output->report->verdict));
+    return 0;
+}
+
+static int write_obj(FILE *file, const struct output *output)
+{
+    return meshfile_write_obj(file, &output->mesh, output->normals);
+}
+
+static int write_ply(FILE *file, const struct output *output)
+{
+    return meshfile_write_ply(file, &output->mesh, output->normals);
+}
+
+static int write_glb(FILE *file, const struct output *output)
+{
+    return meshfile_write_glb(file, &output->mesh, output->normals, output->spec->name);
+}
+
+/* ---- the trace -------------------------------------------------------------------------------- */
+
+enum { COLUMNS = 13 };
+
+static const char *const COLUMN[COLUMNS] = {
+    "iteration", "seconds",         "stretch",        "bend", "gravity",   "contact",          "kinetic",
+    "potential", "residual_energy", "residual_force", "stop", "time_step", "linear_iterations"};
+
+static void put_columns(FILE *file, const char *quote)
+{
+    for (size_t i = 0; i < COLUMNS; i++)
+        fprintf(file, "%s%s%s%s", i > 0 ? "," : "", quote, COLUMN[i], quote);
+}
+
+/* The values in the order of COLUMN; `unknown` stands for what is no number. */
+static void put_row(FILE *file, const drape_row *row, const char *unknown)
+{
+    const drape_energies *e = &row->energy;
+    const double value[COLUMNS] = {row->iteration,
+                                   row->seconds,
+                                   e->stretch,
+                                   e->bend,
+                                   e->gravity,
+                                   e->contact,
+                                   e->kinetic,
+                                   e->potential,
+                                   row->residual_energy,
+                                   row->residual_force,
+                                   row->stop,
+                                   row->time_step,
+                                   row->linear_iterations};
+    for (size_t i = 0; i < COLUMNS; i++) {
+        if (i > 0)
+            fputc(',', file);
+        if (isfinite(value[i]))
+            fprintf(file, "%.*g", POSITION_DIGITS, value[i]);
+        else
+            fputs(unknown, file);
+    }
+}
+
+static int write_trace_csv(FILE *file, const struct output *output)
+{
+    put_columns(file, "");
+    fputc('\n', file);
+    for (size_t i = 0; i < output->rows; i++) {
+        put_row(file, &output->row[i], "");
+        fputc('\n', file);
+    }
+    return 0;
+}
+
+static int write_trace_json(FILE *file, const struct output *output)
+{
+    fputs("{\"columns\":[", file);
+    put_columns(file, "\"");
+    fputs("],\n\"rows\":[", file);
+    for (size_t i = 0; i < output->rows; i++) {
+        fputs(i > 0 ? ",\n[" : "\n[", file);
+        put_row(file, &output->row[i], "null");
+        fputc(']', file);
+    }
+    fprintf(file, "\n],\n\"residual_energy_is\":\"%s\"}\n", SCHEMA_RESIDUAL_ENERGY_IS);
+    return 0;
+}
+
+/* A drape is not lost for a picture: without PLplot the file says so. */
+static const char NO_PLOT[] =
+    "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"640\" height=\"80\">\n"
+    "<text x=\"20\" y=\"45\" font-family=\"sans-serif\" font-size=\"14\">The plot could not be drawn on this "
+    "server; its figures are in trace.csv.</text>\n</svg>\n";
+
+static int write_trace_svg(FILE *file, const struct output *output)
+{
+    char title[320], *svg = NULL; /* the verdict first: long names are cut short */
+    size_t bytes = 0;
+    const char *name = output->spec->name;
+    snprintf(title, sizeof title, "%s after %u iterations%s%s", drape_verdict_name(output->report->verdict),
+             output->report->iterations, *name ? ": " : "", name);
+    if (plot_trace_svg(output->row, output->rows, output->spec->options.tolerance, title, &svg, &bytes) == 0)
+        fwrite(svg, 1, bytes, file);
+    else
+        fputs(NO_PLOT, file);
+    free(svg);
+    return 0;
+}
+
+/* ---- files ------------------------------------------------------------------------------------ */
+
+/* Creates, writes, syncs and closes one file; the first error of these is the one told. */
+static int write_file(int dirfd, const char *name, writer_fn *writer, const struct output *output,
+                      struct problem *reterr)
+{
+    int fd = openat(dirfd, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
+    FILE *file = fd >= 0 ? fdopen(fd, "w") : NULL;
+    int error = file ? 0 : errno;
+    if (file) {
+        errno = 0;
+        if (writer(file, output) || fflush(file) || ferror(file) || fsync(fd))
+            error = errno ? errno : EIO;
+        if (fclose(file) && !error)
+            error = errno;
+    } else if (fd >= 0) {
+        close(fd);
+    }
+    if (!error)
+        return 0;
+    return problem_set(reterr, PROBLEM_STORAGE, "%s could not be written: %s", name, strerrordesc_np(error));
+}
+
+static int check_finite(const struct output *output, struct problem *reterr)
+{
+    for (size_t i = 0; i < 3 * output->mesh.vertices; i++)
+        if (!isfinite(output->mesh.positions[i]))
+            return problem_set(reterr, PROBLEM_SOLVER, "vertex %zu of the drape is not finite", i / 3);
+    return 0;
+}
+
+int output_write(int dirfd, const struct job_spec *spec, const drape_report *report, const double *positions,
+                 const drape_row *row, size_t rows, struct problem *reterr)
+{
+    static const struct {
+        const char *name;
+        writer_fn *writer;
+        bool result; /* left out of a job that only evaluated the start */
+    } FILES[] = {{OUTPUT_RESULT_JSON, write_json, true},     {OUTPUT_RESULT_OBJ, write_obj, true},
+                 {OUTPUT_RESULT_PLY, write_ply, true},       {OUTPUT_RESULT_GLB, write_glb, true},
+                 {OUTPUT_TRACE_CSV, write_trace_csv, false}, {OUTPUT_TRACE_JSON, write_trace_json, false},
+                 {OUTPUT_TRACE_SVG, write_trace_svg, false}};
+    struct output output = {.spec = spec, .report = report, .mesh = spec->cloth, .row = row, .rows = rows};
+    bool result = spec->options.max_iterations > 0;
+    int rc = 0;
+
+    output.mesh.positions = (double *)(uintptr_t)positions; /* only read */
+    if (check_finite(&output, reterr))
+        return -1;
+    output.normals = make_normals(&spec->scene, positions);
+    if (!output.normals)
+        return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
+    for (size_t i = 0; i < sizeof FILES / sizeof *FILES && rc == 0; i++)
+        if (result || !FILES[i].result)
+            rc = write_file(dirfd, FILES[i].name, FILES[i].writer, &output, reterr);
+    free(output.normals);
+    return rc;
+}

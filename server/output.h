@@ -1,0 +1,22 @@
+/* output.h - the files of a finished job: the drape in every format, and its trace. */
+#ifndef DRAPED_OUTPUT_H
+#define DRAPED_OUTPUT_H
+
+#include "schema.h"
+
+/* File names inside a job's result folder, as the store serves them. */
+#define OUTPUT_RESULT_JSON "result.json"
+#define OUTPUT_RESULT_OBJ  "result.obj"
+#define OUTPUT_RESULT_PLY  "result.ply"
+#define OUTPUT_RESULT_GLB  "result.glb"
+#define OUTPUT_TRACE_CSV   "trace.csv"
+#define OUTPUT_TRACE_JSON  "trace.json"
+#define OUTPUT_TRACE_SVG   "trace.svg"
+
+/* Writes and fsyncs all seven into the open folder `dirfd`. `positions`: 3*spec->cloth.vertices.
+ * With max_iterations 0 the result files are left out (an undraped start is never a result).
+ * Thread-safe (the SVG plot takes a lock). 0, or -1 with *reterr (PROBLEM_STORAGE). */
+int output_write(int dirfd, const struct job_spec *spec, const drape_report *report, const double *positions,
+                 const drape_row *row, size_t rows, struct problem *reterr);
+
+#endif

@@ -1,0 +1,617 @@
+/* queue.c - see queue.h. */
+#include "queue.h"
+
+#include <pthread.h>
+#include <search.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "clock.h"
+#include "log.h"
+#include "metrics.h"
+#include "solve.h"
+#include "store.h"
+
+/* As the main thread's; OpenBLAS and CHOLMOD keep some of their work on the stack. */
+#define WORKER_STACK_BYTES (8u << 20)
+
+/* Between two tries at a store that refuses writes. */
+#define RETRY_MS 1000
+
+struct item { /* a job that has not ended; in the tree, and in the line while it waits */
+    struct job job;
+    struct queue *queue;
+    struct stream *stream;
+    struct item *prev, *next; /* in the line */
+    bool waiting;             /* in the line */
+    int64_t accepted_ms;      /* monotonic */
+    int64_t started_ms;       /* monotonic */
+    atomic_bool stop;
+};
+
+struct queue {
+    struct queue_setup setup;
+    pthread_mutex_t lock; /* guards all below and all items */
+    pthread_cond_t work;
+    void *tree; /* of items by id: tsearch(3) */
+    struct item *first, *last;
+    size_t queued, running, reserved; /* reserved: being committed to the store */
+    bool draining, interrupted;
+    pthread_t *worker;
+    unsigned workers;
+};
+
+static int compare_items(const void *a, const void *b)
+{
+    return strcmp(((const struct item *)a)->job.id, ((const struct item *)b)->job.id);
+}
+
+/* ---- items; all under the lock --------------------------------------------------------------------- */
+
+static struct item *find(struct queue *queue, const char *id)
+{
+    struct item key = {0};
+    memcpy(key.job.id, id, strnlen(id, ID_SIZE - 1));
+    struct item **found = tfind(&key, &queue->tree, compare_items);
+    return found == NULL ? NULL : *found;
+}
+
+/* 1 for the next to run; 0: not in the line. */
+static size_t position(const struct queue *queue, const struct item *item)
+{
+    size_t n = 1;
+    if (!item->waiting)
+        return 0;
+    for (const struct item *e = queue->first; e != item; e = e->next)
+        n++;
+    return n;
+}
+
+static char *body_of(const struct queue *queue, const struct item *item)
+{
+    return job_body(&item->job, position(queue, item));
+}
+
+static void enter_line(struct queue *queue, struct item *item)
+{
+    item->waiting = true;
+    item->next = NULL;
+    item->prev = queue->last;
+    *(queue->last != NULL ? &queue->last->next : &queue->first) = item;
+    queue->last = item;
+}
+
+static void leave_line(struct queue *queue, struct item *item)
+{
+    if (!item->waiting)
+        return;
+    item->waiting = false;
+    *(item->prev != NULL ? &item->prev->next : &queue->first) = item->next;
+    *(item->next != NULL ? &item->next->prev : &queue->last) = item->prev;
+}
+
+static void free_item(struct item *item)
+{
+    job_done(&item->job);
+    stream_release(item->stream);
+    free(item);
+}
+
+/* Tells everybody about the job as it now is. Without memory for its body nobody hears of this change;
+ * those who wait for the end then hear when their time is up. */
+static void publish(struct queue *queue, struct item *item, enum stream_kind kind)
+{
+    char *body = body_of(queue, item);
+    if (body == NULL)
+        return;
+    stream_publish(item->stream, kind, item->job.revision, body);
+    if (queue->setup.changed != NULL)
+        queue->setup.changed(item->job.id, item->job.revision, kind == STREAM_END, body, queue->setup.data);
+    free(body);
+}
+
+static void count_end(struct queue *queue, enum job_status status)
+{
+    static const enum metric metric[JOB_STATUSES] = {[JOB_SUCCEEDED] = METRIC_JOBS_SUCCEEDED,
+                                                     [JOB_FAILED] = METRIC_JOBS_FAILED,
+                                                     [JOB_CANCELED] = METRIC_JOBS_CANCELED};
+    metrics_add(queue->setup.metrics, metric[status], 1);
+}
+
+/* The item's job has ended and the store knows: publishes that, forgets the item. */
+static void end_item(struct queue *queue, struct item *item)
+{
+    leave_line(queue, item);
+    count_end(queue, item->job.status);
+    publish(queue, item, STREAM_END);
+    tdelete(item, &queue->tree, compare_items);
+    free_item(item);
+}
+
+/* A new item with the texts of *job, which it takes; not in the tree yet. NULL when out of memory. */
+static struct item *item_new(struct queue *queue, struct job *job)
+{
+    struct item *item = calloc(1, sizeof *item);
+    if (item == NULL || (item->stream = stream_new(queue->setup.hub)) == NULL) {
+        free(item);
+        return NULL;
+    }
+    item->queue = queue;
+    item->accepted_ms = clock_monotonic_ms();
+    item->job = *job;
+    memset(job, 0, sizeof *job);
+    return item;
+}
+
+/* 0, or -1 when out of memory. */
+static int add_item(struct queue *queue, struct item *item)
+{
+    if (tsearch(item, &queue->tree, compare_items) == NULL)
+        return -1;
+    queue->queued++;
+    enter_line(queue, item);
+    publish(queue, item, STREAM_STATE);
+    pthread_cond_signal(&queue->work);
+    return 0;
+}
+
+/* ---- solving ---------------------------------------------------------------------------------------- */
+
+static void wait_a_little(void)
+{
+    struct timespec t = {RETRY_MS / 1000, RETRY_MS % 1000 * 1000000L};
+    nanosleep(&t, NULL);
+}
+
+static void on_progress(char *json, void *data)
+{
+    struct item *item = data;
+    struct queue *queue = item->queue;
+    pthread_mutex_lock(&queue->lock);
+    free(item->job.progress);
+    item->job.progress = json;
+    item->job.revision.counter++;
+    publish(queue, item, STREAM_PROGRESS);
+    pthread_mutex_unlock(&queue->lock);
+}
+
+/* Commits queued -> running. The item, or NULL: cancelled meanwhile, or back in the line because the
+ * store refused. */
+static struct item *start_job(struct queue *queue, struct job *job)
+{
+    job->started_ms = clock_wall_ms();
+    job->revision.counter++;
+    int result = store_job_start(queue->setup.store, job, NULL);
+    pthread_mutex_lock(&queue->lock);
+    struct item *item = result == STORE_NONE ? NULL : find(queue, job->id);
+    if (result == 0 && item != NULL) {
+        queue->queued--;
+        queue->running++;
+        item->started_ms = clock_monotonic_ms();
+        item->job.status = JOB_RUNNING;
+        item->job.started_ms = job->started_ms;
+        item->job.revision = job->revision;
+        if (queue->interrupted)
+            atomic_store(&item->stop, true);
+        publish(queue, item, STREAM_STATE);
+        metrics_observe(queue->setup.metrics, METRIC_QUEUE_SECONDS,
+                        (double)(item->started_ms - item->accepted_ms) / 1000);
+    } else if (item != NULL) {
+        enter_line(queue, item);
+        item = NULL;
+    }
+    pthread_mutex_unlock(&queue->lock);
+    if (result < 0)
+        wait_a_little();
+    return item;
+}
+
+static char *error_text(const struct problem *problem, const char *id)
+{
+    char instance[64] = "/v1/jobs/";
+    strcat(instance, id);
+    json_t *json = problem_json(problem, instance, NULL);
+    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
+    json_decref(json);
+    return text;
+}
+
+/* The last progress, which may have come too soon after the one before to be told. Under the lock. */
+static void take_progress(struct queue *queue, struct item *item, struct solve_outcome *outcome)
+{
+    if (outcome->progress == NULL)
+        return;
+    free(item->job.progress);
+    item->job.progress = outcome->progress;
+    outcome->progress = NULL;
+    item->job.revision.counter++;
+    publish(queue, item, STREAM_PROGRESS);
+}
+
+/* Moves what came of the run into the item's job; the status it ends with, or JOB_QUEUED when it is to
+ * be put back. Under the lock. */
+static enum job_status take_outcome(struct item *item, struct solve_outcome *outcome)
+{
+    struct job *job = &item->job;
+    if (outcome->end == SOLVE_STOPPED)
+        return job->cancel ? JOB_CANCELED : JOB_QUEUED;
+    if (outcome->end == SOLVE_FAILED) {
+        job->error = error_text(&outcome->error, job->id);
+        return JOB_FAILED;
+    }
+    memcpy(job->verdict, outcome->verdict, sizeof job->verdict);
+    job->report = outcome->report;
+    outcome->report = NULL;
+    return JOB_SUCCEEDED;
+}
+
+/* Commits the end, trying again while the store refuses. A daemon that is told to stop meanwhile leaves
+ * the job to the recovery of the next one. 0, or -1 when given up. */
+static int commit_end(struct queue *queue, const struct job *job)
+{
+    for (;;) {
+        int result = job->status == JOB_QUEUED ? store_job_requeue(queue->setup.store, job, NULL)
+                                               : store_job_finish(queue->setup.store, job, NULL);
+        if (result >= 0)
+            return result == 0 ? 0 : -1;
+        pthread_mutex_lock(&queue->lock);
+        bool give_up = queue->draining;
+        pthread_mutex_unlock(&queue->lock);
+        if (give_up)
+            return -1;
+        wait_a_little();
+    }
+}
+
+static void show_end(struct queue *queue, struct item *item)
+{
+    queue->running--;
+    metrics_observe(queue->setup.metrics, METRIC_RUN_SECONDS,
+                    (double)(clock_monotonic_ms() - item->started_ms) / 1000);
+    if (item->job.status != JOB_QUEUED) {
+        end_item(queue, item);
+        return;
+    }
+    item->job.revision = (struct revision){item->job.revision.attempt + 1, 1};
+    item->job.started_ms = 0;
+    free(item->job.progress);
+    item->job.progress = NULL;
+    queue->queued++;
+    metrics_add(queue->setup.metrics, METRIC_JOBS_REQUEUED, 1);
+    publish(queue, item, STREAM_STATE);
+}
+
+/* From a solved job to its end in the store and here. */
+static void finish_job(struct queue *queue, struct item *item, struct solve_outcome *outcome)
+{
+    pthread_mutex_lock(&queue->lock);
+    struct job end = {0};
+    take_progress(queue, item, outcome);
+    enum job_status status = take_outcome(item, outcome);
+    int failed = job_copy(&item->job, &end);
+    pthread_mutex_unlock(&queue->lock);
+    end.status = status;
+    if (status != JOB_QUEUED) {
+        end.finished_ms = clock_wall_ms();
+        end.revision.counter++;
+    }
+    if (!failed)
+        failed = commit_end(queue, &end);
+    log_event(LOG_LEVEL_INFO, "job.ended",
+              "job=%s attempt=%u status=%s verdict=%s iterations=%u committed=%d", end.id,
+              end.revision.attempt, job_status_name(status), end.verdict[0] ? end.verdict : "-",
+              outcome->iterations, !failed);
+    pthread_mutex_lock(&queue->lock);
+    if (!failed) {
+        item->job.status = status;
+        item->job.finished_ms = end.finished_ms;
+        item->job.revision = end.revision;
+        show_end(queue, item);
+    } else {
+        queue->running--; /* it stays as it was in the store: the next start recovers it */
+    }
+    pthread_mutex_unlock(&queue->lock);
+    job_done(&end);
+}
+
+static void work_on(struct queue *queue, struct job *job)
+{
+    struct item *item = start_job(queue, job);
+    if (item == NULL)
+        return;
+    log_event(LOG_LEVEL_INFO, "job.started", "job=%s attempt=%u", job->id, job->revision.attempt);
+    /* The item stays: nobody but its worker ends a running job. */
+    struct solve_task task = {queue->setup.store, queue->setup.limits, job->id, job->revision.attempt,
+                              &item->stop,        on_progress,         item};
+    struct solve_outcome outcome;
+    solve_job(&task, &outcome);
+    metrics_add(queue->setup.metrics, METRIC_ITERATIONS, outcome.iterations);
+    finish_job(queue, item, &outcome);
+    free(outcome.report);
+    free(outcome.progress);
+}
+
+static void *worker_main(void *arg)
+{
+    struct queue *queue = arg;
+    pthread_mutex_lock(&queue->lock);
+    for (;;) {
+        while (queue->first == NULL && !queue->draining)
+            pthread_cond_wait(&queue->work, &queue->lock);
+        if (queue->draining)
+            break;
+        struct item *item = queue->first;
+        leave_line(queue, item);
+        struct job job = {.status = JOB_RUNNING, .revision = item->job.revision};
+        memcpy(job.id, item->job.id, sizeof job.id);
+        pthread_mutex_unlock(&queue->lock);
+        work_on(queue, &job);
+        pthread_mutex_lock(&queue->lock);
+    }
+    pthread_mutex_unlock(&queue->lock);
+    return NULL;
+}
+
+/* ---- the interface ------------------------------------------------------------------------------------ */
+
+struct queue *queue_new(const struct queue_setup *setup)
+{
+    struct queue *queue = calloc(1, sizeof *queue);
+    if (queue == NULL || (queue->worker = calloc(setup->workers, sizeof *queue->worker)) == NULL) {
+        free(queue);
+        return NULL;
+    }
+    queue->setup = *setup;
+    pthread_mutex_init(&queue->lock, NULL);
+    pthread_cond_init(&queue->work, NULL);
+    return queue;
+}
+
+static int restore(const struct job *job, void *data)
+{
+    struct queue *queue = data;
+    struct job copy;
+    if (job_copy(job, &copy) != 0)
+        return -1;
+    struct item *item = item_new(queue, &copy);
+    pthread_mutex_lock(&queue->lock);
+    int failed = item == NULL ? -1 : add_item(queue, item);
+    pthread_mutex_unlock(&queue->lock);
+    job_done(&copy);
+    return failed;
+}
+
+int queue_start(struct queue *queue, struct problem *reterr)
+{
+    if (store_recover(queue->setup.store, QUEUE_MAX_CRASHES, clock_wall_ms(), restore, queue, reterr) != 0)
+        return -1;
+    pthread_attr_t attr;
+    pthread_attr_init(&attr);
+    pthread_attr_setstacksize(&attr, WORKER_STACK_BYTES);
+    for (; queue->workers < queue->setup.workers; queue->workers++) {
+        if (pthread_create(&queue->worker[queue->workers], &attr, worker_main, queue) != 0)
+            break;
+        pthread_setname_np(queue->worker[queue->workers], "drape-worker");
+    }
+    pthread_attr_destroy(&attr);
+    if (queue->workers < queue->setup.workers)
+        return problem_set(reterr, PROBLEM_INTERNAL, "A worker thread could not be started.");
+    return 0;
+}
+
+/* Under the lock. */
+static int admits(const struct queue *queue, struct problem *reterr)
+{
+    size_t limit = queue->setup.limits->queued_jobs;
+    if (queue->draining)
+        return problem_set(reterr, PROBLEM_DRAINING, "The server is shutting down.");
+    if (queue->queued + queue->running + queue->reserved >= limit)
+        return problem_set(reterr, PROBLEM_QUEUE_FULL, "All %zu places are taken.", limit);
+    return 0;
+}
+
+int queue_admits(struct queue *queue, struct problem *reterr)
+{
+    pthread_mutex_lock(&queue->lock);
+    int result = admits(queue, reterr);
+    pthread_mutex_unlock(&queue->lock);
+    return result;
+}
+
+int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
+                 struct problem *reterr)
+{
+    job->status = JOB_QUEUED;
+    job->revision = (struct revision){1, 1};
+    job->created_ms = clock_wall_ms();
+    struct item *item = item_new(queue, job);
+    if (item == NULL)
+        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    pthread_mutex_lock(&queue->lock);
+    int failed = admits(queue, reterr);
+    queue->reserved += !failed;
+    pthread_mutex_unlock(&queue->lock);
+    if (failed) {
+        free_item(item);
+        return -1;
+    }
+    failed = store_job_add(queue->setup.store, &item->job, document, bytes, reterr);
+    char *body = NULL;
+    pthread_mutex_lock(&queue->lock);
+    queue->reserved--;
+    /* Without memory to enter it, the job is durable and the next start takes it up: not a refusal we
+     * could take back, so it is reported as a failure of ours. */
+    if (!failed && (add_item(queue, item) != 0 || (body = body_of(queue, item)) == NULL))
+        failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    bool entered = item->waiting;
+    pthread_mutex_unlock(&queue->lock);
+    if (failed && !entered)
+        free_item(item);
+    if (failed)
+        return -1;
+    metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
+    *ret_body = body;
+    return 0;
+}
+
+int queue_body(struct queue *queue, const char *id, char **ret_body, struct revision *ret_revision)
+{
+    int result = QUEUE_NONE;
+    pthread_mutex_lock(&queue->lock);
+    const struct item *item = find(queue, id);
+    if (item != NULL) {
+        *ret_body = body_of(queue, item);
+        *ret_revision = item->job.revision;
+        result = *ret_body == NULL ? -1 : 0;
+    }
+    pthread_mutex_unlock(&queue->lock);
+    return result;
+}
+
+int queue_follow(struct queue *queue, const char *id, struct revision seen, void (*wake)(void *data),
+                 void *data, struct follower **ret, struct problem *reterr)
+{
+    int result = QUEUE_NONE;
+    pthread_mutex_lock(&queue->lock);
+    const struct item *item = find(queue, id);
+    char *body = item == NULL ? NULL : body_of(queue, item);
+    if (item != NULL && body == NULL)
+        result = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    if (body != NULL) {
+        result = follower_new(item->stream, seen, item->job.revision, body, wake, data, ret);
+        if (result > 0)
+            result = problem_set(reterr, PROBLEM_TOO_MANY_STREAMS, "Too many event streams are open.");
+        else if (result < 0)
+            result = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    }
+    pthread_mutex_unlock(&queue->lock);
+    free(body);
+    return result;
+}
+
+/* What cancelling needs to know of a job, read in one go. */
+static bool look_at(struct queue *queue, const char *id, struct job *ret)
+{
+    memset(ret, 0, sizeof *ret);
+    pthread_mutex_lock(&queue->lock);
+    const struct item *item = find(queue, id);
+    if (item != NULL) {
+        memcpy(ret->id, item->job.id, sizeof ret->id);
+        ret->status = item->job.status;
+        ret->revision = item->job.revision;
+    }
+    pthread_mutex_unlock(&queue->lock);
+    return item != NULL;
+}
+
+/* The store has the cancellation: makes it so here. Returns the body, NULL when out of memory. */
+static char *show_cancel(struct queue *queue, const struct job *job, bool ended)
+{
+    char *body = NULL;
+    pthread_mutex_lock(&queue->lock);
+    struct item *item = find(queue, job->id);
+    if (item != NULL) {
+        item->job.cancel = true;
+        atomic_store(&item->stop, true);
+        if (ended) {
+            leave_line(queue, item);
+            queue->queued--;
+            item->job.status = JOB_CANCELED;
+            item->job.finished_ms = job->finished_ms;
+            item->job.revision = job->revision;
+        }
+        body = body_of(queue, item);
+        if (ended)
+            end_item(queue, item);
+    }
+    pthread_mutex_unlock(&queue->lock);
+    return body;
+}
+
+int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct problem *reterr)
+{
+    struct job job;
+    /* A job that starts or ends between the look and the write makes the write miss; then look again.
+     * It can do so only twice. */
+    while (look_at(queue, id, &job)) {
+        bool waiting = job.status == JOB_QUEUED;
+        job.finished_ms = clock_wall_ms();
+        job.revision.counter += waiting;
+        int result = waiting ? store_job_cancel_queued(queue->setup.store, &job, reterr)
+                             : store_job_cancel_running(queue->setup.store, &job, reterr);
+        if (result < 0)
+            return -1;
+        if (result == 0 && (*ret_body = show_cancel(queue, &job, waiting)) != NULL)
+            return 0;
+        if (result == 0 && !look_at(queue, id, &job))
+            return QUEUE_NONE;
+    }
+    return QUEUE_NONE;
+}
+
+void queue_drain(struct queue *queue)
+{
+    pthread_mutex_lock(&queue->lock);
+    queue->draining = true;
+    pthread_cond_broadcast(&queue->work);
+    pthread_mutex_unlock(&queue->lock);
+}
+
+unsigned queue_running(struct queue *queue)
+{
+    pthread_mutex_lock(&queue->lock);
+    unsigned running = (unsigned)queue->running;
+    pthread_mutex_unlock(&queue->lock);
+    return running;
+}
+
+static void stop_item(const void *node, VISIT visit, void *data)
+{
+    struct item *item = *(struct item *const *)node;
+    (void)data;
+    if ((visit == postorder || visit == leaf) && item->job.status == JOB_RUNNING)
+        atomic_store(&item->stop, true);
+}
+
+void queue_interrupt(struct queue *queue)
+{
+    queue_drain(queue);
+    pthread_mutex_lock(&queue->lock);
+    queue->interrupted = true;
+    twalk_r(queue->tree, stop_item, NULL);
+    pthread_mutex_unlock(&queue->lock);
+}
+
+static void free_node(void *item)
+{
+    free_item(item);
+}
+
+struct queue *queue_free(struct queue *queue)
+{
+    if (queue == NULL)
+        return NULL;
+    queue_drain(queue);
+    for (unsigned i = 0; i < queue->workers; i++)
+        pthread_join(queue->worker[i], NULL);
+    tdestroy(queue->tree, free_node);
+    pthread_cond_destroy(&queue->work);
+    pthread_mutex_destroy(&queue->lock);
+    free(queue->worker);
+    free(queue);
+    return NULL;
+}
+
+void queue_measure(struct queue *queue)
+{
+    pthread_mutex_lock(&queue->lock);
+    double queued = (double)queue->queued, running = (double)queue->running;
+    double oldest =
+        queue->first == NULL ? 0 : (double)(clock_monotonic_ms() - queue->first->accepted_ms) / 1000;
+    pthread_mutex_unlock(&queue->lock);
+    metrics_set(queue->setup.metrics, METRIC_JOBS_QUEUED, queued);
+    metrics_set(queue->setup.metrics, METRIC_JOBS_RUNNING, running);
+    metrics_set(queue->setup.metrics, METRIC_OLDEST_QUEUED, oldest);
+}

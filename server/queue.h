@@ -1,0 +1,75 @@
+/* queue.h - the jobs that have not ended: a bounded line, the workers that solve them, their states.
+ *
+ *   queued -> running -> succeeded | failed | canceled
+ *
+ * Every change is first committed to the store, as a compare-and-set on (state, attempt), then made
+ * visible here, then published to the job's stream and to `changed`. A job that has ended leaves; from
+ * then on only the store knows it.
+ *
+ * Any thread may call anything but new, start and free. One lock inside; under it only the hub's lock
+ * and whatever `changed` takes are taken, and no file is touched. Functions that say "store" may wait
+ * for the disk: not for the HTTP thread. */
+#ifndef DRAPED_QUEUE_H
+#define DRAPED_QUEUE_H
+
+#include <stddef.h>
+
+#include "job.h"
+#include "limits.h"
+#include "problem.h"
+#include "stream.h"
+
+struct metrics;
+struct store;
+struct queue;
+
+/* How many times the daemon may die under a job before the job is given up. */
+#define QUEUE_MAX_CRASHES 3
+
+struct queue_setup {
+    struct store *store;
+    struct hub *hub;
+    struct metrics *metrics;
+    const struct limits *limits;
+    unsigned workers;
+    /* After each change, in order, with the queue's lock held; `body` is lent. May be NULL. */
+    void (*changed)(const char *id, struct revision revision, bool ended, const char *body, void *data);
+    void *data;
+};
+
+struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of memory */
+
+/* Store. Takes over what an earlier daemon left, then starts the workers. 0, or -1 with *reterr. */
+int queue_start(struct queue *queue, struct problem *reterr);
+
+/* Whether a job would be taken now; 0, or -1 with *reterr (queue-full, draining). */
+int queue_admits(struct queue *queue, struct problem *reterr);
+
+/* Store. Takes the texts of *job (emptying it) whose id and name and labels are set. On success (0) the
+ * job is durable and *ret_body its body, which the caller frees. */
+int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
+                 struct problem *reterr);
+
+#define QUEUE_NONE 1 /* not here: ended, or never was */
+
+/* The body of a job as it stands; the caller frees it. 0, QUEUE_NONE, or -1 when out of memory. */
+int queue_body(struct queue *queue, const char *id, char **ret_body, struct revision *ret_revision);
+
+/* Follows a job's events (see follower_new). 0, QUEUE_NONE, or -1 with *reterr. */
+int queue_follow(struct queue *queue, const char *id, struct revision seen, void (*wake)(void *data),
+                 void *data, struct follower **ret, struct problem *reterr);
+
+/* Store. A queued job ends at once, a running one at its next iteration; either way 0 and the body as it
+ * stands. QUEUE_NONE, or -1 with *reterr. */
+int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct problem *reterr);
+
+/* Stopping: drain (nothing more is taken or started), wait for queue_running to be 0 or for patience to
+ * end, interrupt (what still runs goes back to the line, in the store), free. */
+void queue_drain(struct queue *queue);
+unsigned queue_running(struct queue *queue);
+void queue_interrupt(struct queue *queue);
+struct queue *queue_free(struct queue *queue); /* waits for the workers; NULL is fine; returns NULL */
+
+void queue_measure(struct queue *queue); /* sets the gauges of metrics.h that it knows */
+
+#endif

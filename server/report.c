@@ -1,0 +1,270 @@
+/* report.c - what the solver says, as JSON: errors with their place, progress, reports, materials. */
+#include "schema.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "materials.h"
+
+/* ---- the solver's errors ---------------------------------------------------------------------- */
+
+/* The contract's name of a C member, as a path below its object. */
+struct member {
+    const char *name, *path;
+};
+
+static const struct member MATERIAL_MEMBER[] = {
+    {"stretch_weft", "stretch/weft"}, {"stretch_warp", "stretch/warp"}, {"stretch_shear", "stretch/shear"},
+    {"bend_weft", "bend/weft"},       {"bend_warp", "bend/warp"},       {"bend_twist", "bend/twist"},
+    {"density", "density"},           {"poisson", "poisson"},           {NULL, NULL}};
+/* the other members of a body have other names in each kind, and are all checked before the solver */
+static const struct member BODY_MEMBER[] = {
+    {"offset", "offset"},           {"positions", "mesh/positions"}, {"vertices", "mesh/positions"},
+    {"triangle", "mesh/triangles"}, {"triangles", "mesh/triangles"}, {NULL, NULL}};
+static const struct member SCENE_MEMBER[] = {{"gravity", "gravity"},
+                                             {"positions", "cloth/mesh/positions"},
+                                             {"vertices", "cloth/mesh/positions"},
+                                             {"pattern", "cloth/mesh/pattern"},
+                                             {"triangle", "cloth/mesh/triangles"},
+                                             {"triangles", "cloth/mesh/triangles"},
+                                             {"seam", "cloth/seams"},
+                                             {"seams", "cloth/seams"},
+                                             {"pin", "cloth/pins"},
+                                             {"pins", "cloth/pins"},
+                                             {"material", "cloth/materials"},
+                                             {"materials", "cloth/materials"},
+                                             {"triangle_material", "cloth/triangle_material"},
+                                             {"body", "bodies"},
+                                             {"bodies", "bodies"},
+                                             {NULL, NULL}};
+static const struct member OPTION_MEMBER[] = {{"method", "method"},
+                                              {"stop_on", "stop_on"},
+                                              {"time_step", "time_step"},
+                                              {"tolerance", "tolerance"},
+                                              {"max_iterations", "max_iterations"},
+                                              {"time_limit", "time_limit_s"},
+                                              {NULL, NULL}};
+
+/* How an element of each place is found in the document: `stride` numbers an element in a flat array. */
+static const struct place {
+    const char *what;  /* for the message; the element's own number follows */
+    const char *array; /* pointer, from the body's object on when `in_body` */
+    unsigned stride;
+    bool in_body;
+    const struct member *member;
+} PLACE[] = {
+    [DRAPE_AT_NOWHERE] = {NULL, "", 0, false, NULL},
+    [DRAPE_AT_VERTEX] = {"vertex", "/cloth/mesh/positions", 3, false, NULL},
+    [DRAPE_AT_PATTERN] = {"pattern of vertex", "/cloth/mesh/pattern", 2, false, NULL},
+    [DRAPE_AT_TRIANGLE] = {"triangle", "/cloth/mesh/triangles", 3, false, NULL},
+    [DRAPE_AT_SEAM] = {"seam", "/cloth/seams", 2, false, NULL},
+    [DRAPE_AT_PIN] = {"pin", "/cloth/pins", 1, false, NULL},
+    [DRAPE_AT_MATERIAL] = {"material", "/cloth/materials", 1, false, MATERIAL_MEMBER},
+    [DRAPE_AT_TRIANGLE_MATERIAL] = {"material of triangle", "/cloth/triangle_material", 1, false, NULL},
+    [DRAPE_AT_BODY] = {"body", "/bodies", 1, false, BODY_MEMBER},
+    [DRAPE_AT_BODY_VERTEX] = {"vertex", "/mesh/positions", 3, true, NULL},
+    [DRAPE_AT_BODY_TRIANGLE] = {"triangle", "/mesh/triangles", 3, true, NULL},
+    [DRAPE_AT_SCENE] = {NULL, "", 0, false, SCENE_MEMBER},
+    [DRAPE_AT_OPTION] = {NULL, "/solver", 0, false, OPTION_MEMBER},
+};
+
+static const char *find_path(const struct member *member, const char *name)
+{
+    for (; member && name && member->name; member++)
+        if (strcmp(member->name, name) == 0)
+            return member->path;
+    return NULL;
+}
+
+static void place_pointer(const struct place *place, const drape_error *error, char *ret, size_t size)
+{
+    const char *path = find_path(place->member, error->member);
+    char body[32] = "", element[32] = "";
+    if (place->in_body)
+        snprintf(body, sizeof body, "/bodies/%lld", (long long)error->body);
+    if (place->stride > 0 && error->element >= 0)
+        snprintf(element, sizeof element, "/%lld", (long long)error->element * place->stride);
+    snprintf(ret, size, "%s%s%s%s%s", body, place->array, element, path ? "/" : "", path ? path : "");
+}
+
+int schema_solver_problem(const drape_error *error, struct problem *reterr)
+{
+    char pointer[JSONTEXT_POINTER_BYTES];
+    if (error->status == DRAPE_ENOMEM)
+        return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
+    if (error->status != DRAPE_EINVAL)
+        return problem_set(reterr, PROBLEM_SOLVER, "%s", error->message);
+    size_t places = sizeof PLACE / sizeof *PLACE;
+    const struct place *place = &PLACE[(size_t)error->place < places ? error->place : DRAPE_AT_NOWHERE];
+    place_pointer(place, error, pointer, sizeof pointer);
+    if (place->what && error->element >= 0)
+        return problem_at(reterr, PROBLEM_INVALID, pointer, "%s %lld: %s", place->what,
+                          (long long)error->element, error->message);
+    return problem_at(reterr, PROBLEM_INVALID, pointer, "%s", error->message);
+}
+
+/* ---- progress and report ---------------------------------------------------------------------- */
+
+/* jansson has no number for NAN and the infinities. */
+static json_t *number(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+static json_t *count(uint64_t value)
+{
+    return json_integer((json_int_t)value);
+}
+
+/* Gives up the object when any member failed. */
+static json_t *finish(json_t *object, int failed)
+{
+    if (!failed)
+        return object;
+    json_decref(object);
+    return NULL;
+}
+
+json_t *schema_energies_json(const drape_energies *energies)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "stretch", number(energies->stretch));
+    failed |= json_object_set_new(object, "bend", number(energies->bend));
+    failed |= json_object_set_new(object, "gravity", number(energies->gravity));
+    failed |= json_object_set_new(object, "contact", number(energies->contact));
+    failed |= json_object_set_new(object, "kinetic", number(energies->kinetic));
+    failed |= json_object_set_new(object, "potential", number(energies->potential));
+    return finish(object, failed);
+}
+
+/* percent stays null: the iterations that a drape needs are not known before it rests, and the share of
+ * the budget that is spent says nothing about the work that is left. */
+json_t *schema_progress_json(const drape_progress *progress, const drape_options *options)
+{
+    const drape_row *row = &progress->row;
+    json_t *object = json_object();
+    int failed = json_object_set_new(
+        object, "phase", json_string(progress->phase == DRAPE_PHASE_SEWING ? "sewing" : "draping"));
+    failed |= json_object_set_new(object, "iteration", count(row->iteration));
+    failed |= json_object_set_new(object, "max_iterations", count(options->max_iterations));
+    failed |= json_object_set_new(object, "elapsed_ms", count((uint64_t)(fmax(row->seconds, 0) * 1e3)));
+    failed |= json_object_set_new(object, "energy", schema_energies_json(&row->energy));
+    failed |= json_object_set_new(object, "residual_energy", number(row->residual_energy));
+    failed |= json_object_set_new(object, "residual_energy_is", json_string(SCHEMA_RESIDUAL_ENERGY_IS));
+    failed |= json_object_set_new(object, "residual_force", number(row->residual_force));
+    failed |= json_object_set_new(object, "stops", count(progress->stops));
+    failed |= json_object_set_new(object, "percent", json_null());
+    return finish(object, failed);
+}
+
+static json_t *plan_json(const drape_report *report)
+{
+    json_t *kept = json_array(), *left_out = json_array(), *plan = json_object();
+    int failed = 0;
+    for (size_t i = 0; i < report->terms && i < DRAPE_MAX_TERMS; i++) {
+        const drape_term *term = &report->term[i];
+        json_t *entry = json_object();
+        failed |= json_object_set_new(entry, "name", json_string(term->name));
+        if (term->kept)
+            failed |= json_object_set_new(entry, "bytes", count(term->bytes));
+        else
+            failed |= json_object_set_new(entry, "reason", json_string(term->reason));
+        failed |= json_array_append_new(term->kept ? kept : left_out, entry);
+    }
+    failed |= json_object_set_new(plan, "kept", kept);
+    failed |= json_object_set_new(plan, "left_out", left_out);
+    return finish(plan, failed);
+}
+
+static json_t *sewing_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "iterations", count(report->sewing_iterations));
+    failed |= json_object_set_new(object, "seam_gap", number(report->seam_gap));
+    return finish(object, failed);
+}
+
+static json_t *stages_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    int failed = object == NULL;
+    for (size_t i = 0; i < report->stages && i < DRAPE_MAX_STAGES; i++)
+        failed |= json_object_set_new(object, report->stage[i].name, number(report->stage[i].seconds));
+    return finish(object, failed);
+}
+
+static json_t *stop_on_json(const drape_report *report)
+{
+    if (report->method != DRAPE_METHOD_STOP_AND_GO)
+        return json_null();
+    return json_string(report->stop_on == DRAPE_STOP_ON_KINETIC ? "kinetic" : "potential");
+}
+
+json_t *schema_report_json(const drape_report *report)
+{
+    const drape_row *state = &report->state;
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "plan", plan_json(report));
+    failed |= json_object_set_new(
+        object, "method", json_string(report->method == DRAPE_METHOD_DYNAMIC ? "dynamic" : "stop-and-go"));
+    failed |= json_object_set_new(object, "stop_on", stop_on_json(report));
+    failed |= json_object_set_new(object, "integrator", json_string("backward-euler"));
+    failed |= json_object_set_new(object, "iterations", count(report->iterations));
+    failed |= json_object_set_new(object, "stops", count(report->stops));
+    failed |= json_object_set_new(object, "factorizations", count(report->factorizations));
+    failed |= json_object_set_new(object, "solves", count(report->solves));
+    failed |= json_object_set_new(object, "sewing", sewing_json(report));
+    failed |= json_object_set_new(object, "seconds", number(report->seconds));
+    failed |= json_object_set_new(object, "stages", stages_json(report));
+    failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));
+    failed |= json_object_set_new(object, "energies", schema_energies_json(&state->energy));
+    failed |= json_object_set_new(object, "residual_energy", number(state->residual_energy));
+    failed |= json_object_set_new(object, "residual_energy_is", json_string(SCHEMA_RESIDUAL_ENERGY_IS));
+    failed |= json_object_set_new(object, "residual_force", number(state->residual_force));
+    failed |= json_object_set_new(object, "penetrations", count(report->penetrations));
+    failed |= json_object_set_new(object, "deepest", number(report->deepest));
+    failed |= json_object_set_new(object, "self_intersections", json_null()); /* not looked for yet */
+    failed |= json_object_set_new(object, "certificate", json_null());
+    failed |= json_object_set_new(object, "reason", json_string(report->reason));
+    return finish(object, failed);
+}
+
+/* ---- materials -------------------------------------------------------------------------------- */
+
+static json_t *triple_json(const char *a, double x, const char *b, double y, const char *c, double z)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, a, number(x));
+    failed |= json_object_set_new(object, b, number(y));
+    failed |= json_object_set_new(object, c, number(z));
+    return finish(object, failed);
+}
+
+static json_t *preset_json(const struct material_preset *preset)
+{
+    const drape_material *m = &preset->material;
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "name", json_string(preset->name));
+    failed |= json_object_set_new(object, "summary", json_string(preset->summary));
+    failed |= json_object_set_new(object, "density", number(m->density));
+    failed |= json_object_set_new(
+        object, "stretch",
+        triple_json("weft", m->stretch_weft, "warp", m->stretch_warp, "shear", m->stretch_shear));
+    failed |= json_object_set_new(object, "poisson", number(m->poisson));
+    failed |= json_object_set_new(
+        object, "bend", triple_json("weft", m->bend_weft, "warp", m->bend_warp, "twist", m->bend_twist));
+    failed |= json_object_set_new(object, "source", json_string(preset->source));
+    return finish(object, failed);
+}
+
+json_t *schema_materials_json(void)
+{
+    size_t presets;
+    const struct material_preset *preset = materials_all(&presets);
+    json_t *array = json_array(), *object = json_object();
+    int failed = 0;
+    for (size_t i = 0; i < presets; i++)
+        failed |= json_array_append_new(array, preset_json(&preset[i]));
+    failed |= json_object_set_new(object, "materials", array);
+    return finish(object, failed);
+}

@@ -1,0 +1,232 @@
+/* routes.c - see routes.h. */
+#include "routes.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "api.h"
+#include "log.h"
+#include "meshfile.h"
+#include "negotiate.h"
+
+enum where { ON_LOOP = 0, ON_CLERK, ON_READER };
+enum body { NO_BODY = 0, JOB_BODY, MESH_BODY }; /* each up to limits.body_bytes */
+
+struct route {
+    enum routes_side side;
+    const char *method, *path; /* {id}: a job's; {sha256}: a mesh's */
+    enum where where;
+    enum body body;
+    call_fn *handler;
+};
+
+static const struct route route_table[] = {
+    {ROUTES_API, "POST", "/v1/jobs", ON_READER, JOB_BODY, job_post},
+    {ROUTES_API, "GET", "/v1/jobs", ON_CLERK, NO_BODY, job_list},
+    {ROUTES_API, "GET", "/v1/jobs/{id}", ON_LOOP, NO_BODY, job_get},
+    {ROUTES_API, "DELETE", "/v1/jobs/{id}", ON_CLERK, NO_BODY, job_delete},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/events", ON_LOOP, NO_BODY, job_events},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/result", ON_CLERK, NO_BODY, job_result},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/trace", ON_CLERK, NO_BODY, job_trace},
+    {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, mesh_post},
+    {ROUTES_API, "PUT", "/v1/meshes/{sha256}", ON_READER, MESH_BODY, mesh_put},
+    {ROUTES_API, "GET", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, mesh_get},
+    {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, about_materials},
+    {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, about_info},
+    {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, about_openapi},
+    {ROUTES_API, "GET", "/", ON_LOOP, NO_BODY, about_root},
+    {ROUTES_ADMIN, "GET", "/livez", ON_LOOP, NO_BODY, admin_livez},
+    {ROUTES_ADMIN, "GET", "/readyz", ON_LOOP, NO_BODY, admin_readyz},
+    {ROUTES_ADMIN, "GET", "/metrics", ON_LOOP, NO_BODY, admin_metrics},
+};
+
+#define ROUTES (sizeof route_table / sizeof *route_table)
+
+/* Segment by segment, so that neither an escape nor a slash can hide in an id. */
+static bool path_matches(const char *template, const char *path, char ret_id[SHA256_SIZE])
+{
+    ret_id[0] = '\0';
+    while (*template != '\0') {
+        size_t n = strcspn(path, "/");
+        if (*template != '{') {
+            if (*template ++ != *path++)
+                return false;
+            continue;
+        }
+        bool job = strncmp(template, "{id}", 4) == 0;
+        if (n >= SHA256_SIZE)
+            return false;
+        memcpy(ret_id, path, n);
+        ret_id[n] = '\0';
+        if (job ? !id_valid(ret_id) : !sha256_valid(ret_id))
+            return false;
+        template += strcspn(template, "/");
+        path += n;
+    }
+    return *path == '\0';
+}
+
+static bool method_matches(const struct route *route, const char *method)
+{
+    return strcmp(route->method, method) == 0 ||
+           (strcmp(method, "HEAD") == 0 && strcmp(route->method, "GET") == 0);
+}
+
+/* The route, or NULL with the methods that the path would take in `allow` ("": no such path). */
+static const struct route *find_route(enum routes_side side, const char *method, const char *path,
+                                      char ret_id[SHA256_SIZE], char *allow, size_t allow_size)
+{
+    allow[0] = '\0';
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *route = &route_table[i];
+        if (route->side != side || !path_matches(route->path, path, ret_id))
+            continue;
+        if (method_matches(route, method))
+            return route;
+        size_t n = strlen(allow);
+        snprintf(allow + n, allow_size - n, "%s%s%s", n ? ", " : "", route->method,
+                 strcmp(route->method, "GET") == 0 ? ", HEAD" : "");
+    }
+    return NULL;
+}
+
+/* ---- calls -------------------------------------------------------------------------------------- */
+
+static void run_call(void *data)
+{
+    struct call *call = data;
+    call->next(call);
+}
+
+void call_pass(struct call *call, struct executor *executor, call_fn *next)
+{
+    call->next = next;
+    if (executor_submit(executor, run_call, call) != 0)
+        call_refuse(call, PROBLEM_BUSY, "Too many requests are being worked on.");
+}
+
+void call_defer(struct call *call, struct executor *executor, call_fn *next)
+{
+    http_suspend(call->request);
+    call_pass(call, executor, next);
+}
+
+void call_problem(struct call *call, const struct problem *problem)
+{
+    struct http_answer *answer = http_answer_problem(call->request, problem);
+    if (problem->code == PROBLEM_NOT_READY)
+        http_answer_header(answer, "Retry-After", "1");
+    http_send(call->request, answer);
+}
+
+void call_refuse(struct call *call, enum problem_code code, const char *format, ...)
+{
+    struct problem problem;
+    char detail[sizeof problem.detail];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(detail, sizeof detail, format, args);
+    va_end(args);
+    problem_set(&problem, code, "%s", detail);
+    call_problem(call, &problem);
+}
+
+struct http_answer *answer_json(int status, json_t *json)
+{
+    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
+    json_decref(json);
+    return http_answer_text(status, "application/json", text);
+}
+
+/* ---- the callbacks of http ------------------------------------------------------------------------ */
+
+static void refuse_route(struct call *call, const char *allow)
+{
+    struct problem problem;
+    if (allow[0] == '\0')
+        problem_set(&problem, PROBLEM_NOT_FOUND, "There is nothing at this path.");
+    else
+        problem_set(&problem, PROBLEM_METHOD_NOT_ALLOWED, "This path takes %s.", allow);
+    struct http_answer *answer = http_answer_problem(call->request, &problem);
+    if (allow[0] != '\0')
+        http_answer_header(answer, "Allow", "%s", allow);
+    http_send(call->request, answer);
+}
+
+/* What can be refused before a body is read; 0, or -1 with *reterr. */
+static int check_body_head(const struct call *call, struct problem *reterr)
+{
+    const char *type = http_header(call->request, "Content-Type");
+    if (call->route->body == JOB_BODY) {
+        if (!negotiate_is_type(type, "application/json"))
+            return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");
+        return queue_admits(call->api->queue, reterr);
+    }
+    if (type == NULL || mesh_format_from_media_type(type) < 0)
+        return problem_set(reterr, PROBLEM_MEDIA_TYPE,
+                           "A mesh is model/obj, application/x-ply, model/gltf-binary or application/json.");
+    return 0;
+}
+
+void routes_begin(struct http_request *request, void *data)
+{
+    const struct routes *routes = data;
+    struct problem problem;
+    char allow[64];
+    struct call *call = calloc(1, sizeof *call);
+    if (call == NULL) {
+        http_send(request, NULL);
+        return;
+    }
+    call->api = routes->api;
+    call->request = request;
+    http_set_context(request, call);
+    call->route =
+        find_route(routes->side, http_method(request), http_path(request), call->id, allow, sizeof allow);
+    if (call->route == NULL)
+        refuse_route(call, allow);
+    else if (call->route->body == NO_BODY)
+        return;
+    else if (check_body_head(call, &problem) != 0)
+        call_problem(call, &problem);
+    else
+        http_expect_body(request, call->api->config->limits.body_bytes);
+}
+
+void routes_handle(struct http_request *request, void *data)
+{
+    struct call *call = http_context(request);
+    (void)data;
+    if (call->route->where == ON_LOOP)
+        call->route->handler(call);
+    else if (call->route->where == ON_CLERK)
+        call_defer(call, call->api->clerk, call->route->handler);
+    else
+        call_defer(call, call->api->reader, call->route->handler);
+}
+
+/* Methods become a label of the metrics: only known ones, lest a client invent thousands. */
+static const char *known_method(const char *method)
+{
+    static const char *const known[] = {"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(method, known[i]) == 0)
+            return known[i];
+    return "other";
+}
+
+void routes_finished(struct http_request *request, int status, int64_t milliseconds, void *data)
+{
+    const struct routes *routes = data;
+    struct call *call = http_context(request);
+    const char *route = call != NULL && call->route != NULL ? call->route->path : "none";
+    metrics_request(routes->api->metrics, route, known_method(http_method(request)), status);
+    if (call == NULL || !call->untimed)
+        metrics_observe(routes->api->metrics, METRIC_REQUEST_SECONDS, (double)milliseconds / 1000);
+    log_event(status >= 500 ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG, "http.request",
+              "method=%s route=%s status=%d ms=%lld request=%s", known_method(http_method(request)), route,
+              status, (long long)milliseconds, http_request_id(request));
+    free(call);
+}

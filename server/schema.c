@@ -1,0 +1,735 @@
+/* schema.c - job documents (JSON) to scene descriptions and options.
+ *
+ * Reading runs over the tree once, top down; each function reads one object, knows its JSON pointer and
+ * ends at the first thing wrong. Absent members leave what was there: the defaults of the solver. What
+ * the contract has and this version cannot do is refused at its place, never passed over. */
+#include "schema.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "materials.h"
+
+/* Thicker than any cloth; a larger number is a length in the wrong unit. */
+#define MAX_THICKNESS 0.02
+/* Names of labels; their values may be as long as a job's name. */
+#define MAX_LABEL_NAME 64
+#define SHA256_DIGITS  64
+
+struct reader {
+    struct jsontext json;
+    const struct limits *limits;
+    schema_mesh_fn *load_mesh;
+    void *data;
+    struct job_spec *spec;
+    struct problem *problem;
+};
+
+struct range {
+    double min, max;
+    const char *text;
+};
+
+static const struct range POSITIVE = {DBL_MIN, DBL_MAX, "must be > 0"};
+static const struct range NOT_NEGATIVE = {0, DBL_MAX, "must be >= 0"};
+static const struct range ANY = {-DBL_MAX, DBL_MAX, ""};
+
+/* ---- members of an object ------------------------------------------------------------------- */
+
+__attribute__((format(printf, 5, 6))) static int refuse(struct reader *r, enum problem_code code,
+                                                        const char *pointer, const char *member,
+                                                        const char *format, ...)
+{
+    char at[JSONTEXT_POINTER_BYTES], detail[200];
+    va_list list;
+    va_start(list, format);
+    vsnprintf(detail, sizeof detail, format, list);
+    va_end(list);
+    jsontext_pointer(at, sizeof at, pointer, member);
+    return problem_at(r->problem, code, at, "%s", detail);
+}
+
+static int out_of_memory(struct reader *r)
+{
+    return problem_set(r->problem, PROBLEM_INTERNAL, "out of memory");
+}
+
+static int check_object(struct reader *r, const json_t *object, const char *pointer, const char *const *known)
+{
+    if (!json_is_object(object))
+        return problem_at(r->problem, PROBLEM_INVALID, pointer, "must be an object");
+    return jsontext_check_members(object, pointer, known, r->problem);
+}
+
+static int get_number(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                      const struct range *range, double *ret)
+{
+    const json_t *value = json_object_get(object, member);
+    if (!value)
+        return 0;
+    if (!json_is_number(value))
+        return refuse(r, PROBLEM_INVALID, pointer, member, "must be a number");
+    double number = json_number_value(value);
+    if (!(number >= range->min && number <= range->max))
+        return refuse(r, PROBLEM_INVALID, pointer, member, "%s", range->text);
+    *ret = number;
+    return 0;
+}
+
+static int get_vector(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                      bool required, double *ret)
+{
+    char at[JSONTEXT_POINTER_BYTES];
+    struct numbers numbers;
+    const json_t *value = json_object_get(object, member);
+    if (!value)
+        return required ? refuse(r, PROBLEM_INVALID, pointer, member, "is missing") : 0;
+    jsontext_pointer(at, sizeof at, pointer, member);
+    if (jsontext_get_numbers(&r->json, value, at, &numbers, r->problem))
+        return -1;
+    if (numbers.count != 3)
+        return problem_at(r->problem, PROBLEM_INVALID, at, "must have three numbers");
+    memcpy(ret, numbers.value, 3 * sizeof *ret);
+    return 0;
+}
+
+/* Indices below `bound`, a multiple of `stride` of them; absent or empty leaves *ret NULL. */
+static int get_indices(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                       size_t stride, size_t bound, uint32_t **ret, size_t *ret_count)
+{
+    char at[JSONTEXT_POINTER_BYTES];
+    struct numbers numbers;
+    const json_t *value = json_object_get(object, member);
+    if (!value)
+        return 0;
+    jsontext_pointer(at, sizeof at, pointer, member);
+    if (jsontext_get_numbers(&r->json, value, at, &numbers, r->problem))
+        return -1;
+    if (numbers.count % stride != 0)
+        return problem_at(r->problem, PROBLEM_INVALID, at, "has an odd number of vertices: these are pairs");
+    if (numbers.count == 0)
+        return 0;
+    *ret = malloc(numbers.count * sizeof **ret);
+    if (!*ret)
+        return out_of_memory(r);
+    *ret_count = numbers.count / stride;
+    return jsontext_indices(numbers, bound, at, *ret, r->problem);
+}
+
+/* A word of the contract: what it means here, or that it is not done in this version. */
+struct choice {
+    const char *name;
+    int value;
+    bool supported;
+};
+
+static int get_choice(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                      const struct choice *choice, size_t choices, int *ret)
+{
+    char names[128] = "";
+    const json_t *value = json_object_get(object, member);
+    if (!value)
+        return 0;
+    for (size_t i = 0; i < choices; i++) {
+        if (json_is_string(value) && strcmp(json_string_value(value), choice[i].name) == 0) {
+            *ret = choice[i].value;
+            return choice[i].supported ? 0
+                                       : refuse(r, PROBLEM_UNSUPPORTED, pointer, member,
+                                                "\"%s\" is not done in this version", choice[i].name);
+        }
+        size_t n = strlen(names);
+        snprintf(names + n, sizeof names - n, "%s%s", n > 0 ? ", " : "", choice[i].name);
+    }
+    return refuse(r, PROBLEM_INVALID, pointer, member, "must be one of: %s", names);
+}
+
+static int refuse_present(struct reader *r, const json_t *object, const char *pointer, const char *member)
+{
+    if (!json_object_get(object, member))
+        return 0;
+    return refuse(r, PROBLEM_UNSUPPORTED, pointer, member, "is not done in this version");
+}
+
+/* A number whose only value done in this version is 0. */
+static int get_zero(struct reader *r, const json_t *object, const char *pointer, const char *member)
+{
+    double value = 0;
+    if (get_number(r, object, pointer, member, &NOT_NEGATIVE, &value))
+        return -1;
+    if (value > 0)
+        return refuse(r, PROBLEM_UNSUPPORTED, pointer, member, "only 0 is done in this version");
+    return 0;
+}
+
+static void element_pointer(char *ret, size_t size, const char *array, size_t i)
+{
+    char index[24];
+    snprintf(index, sizeof index, "%zu", i);
+    jsontext_pointer(ret, size, array, index);
+}
+
+/* ---- name and labels -------------------------------------------------------------------------- */
+
+static int read_name(struct reader *r, const json_t *root)
+{
+    const json_t *name = json_object_get(root, "name");
+    if (!name)
+        return 0;
+    size_t bytes = json_string_length(name);
+    if (!json_is_string(name))
+        return refuse(r, PROBLEM_INVALID, "", "name", "must be a string");
+    if (bytes > r->limits->name_bytes || bytes >= sizeof r->spec->name)
+        return refuse(r, PROBLEM_INVALID, "", "name", "has %zu bytes, the limit is %zu", bytes,
+                      r->limits->name_bytes);
+    memcpy(r->spec->name, json_string_value(name), bytes + 1);
+    return 0;
+}
+
+static int read_labels(struct reader *r, json_t *root)
+{
+    json_t *labels = json_object_get(root, "labels");
+    const char *name;
+    json_t *value;
+    if (!labels)
+        return 0;
+    if (!json_is_object(labels))
+        return refuse(r, PROBLEM_INVALID, "", "labels", "must be an object of strings");
+    if (json_object_size(labels) > r->limits->labels)
+        return refuse(r, PROBLEM_INVALID, "", "labels", "%zu, the limit is %zu", json_object_size(labels),
+                      r->limits->labels);
+    json_object_foreach(labels, name, value)
+    {
+        if (strlen(name) > MAX_LABEL_NAME)
+            return refuse(r, PROBLEM_INVALID, "/labels", name, "a name longer than %d bytes", MAX_LABEL_NAME);
+        if (!json_is_string(value) || json_string_length(value) > r->limits->name_bytes)
+            return refuse(r, PROBLEM_INVALID, "/labels", name, "must be a string of at most %zu bytes",
+                          r->limits->name_bytes);
+    }
+    r->spec->labels = json_incref(labels);
+    return 0;
+}
+
+/* ---- meshes ----------------------------------------------------------------------------------- */
+
+static bool is_sha256(const char *text)
+{
+    return text && strlen(text) == SHA256_DIGITS && strspn(text, "0123456789abcdef") == SHA256_DIGITS;
+}
+
+static int load_ref(struct reader *r, const json_t *object, const char *pointer, struct mesh *ret)
+{
+    static const char *const MEMBERS[] = {"ref", NULL};
+    const char *ref = json_string_value(json_object_get(object, "ref"));
+    struct problem problem;
+    if (jsontext_check_members(object, pointer, MEMBERS, r->problem))
+        return -1;
+    if (!is_sha256(ref))
+        return refuse(r, PROBLEM_INVALID, pointer, "ref", "must be a SHA-256 in 64 lower-case hex digits");
+    if (!r->load_mesh)
+        return refuse(r, PROBLEM_INVALID, pointer, "ref", "there are no uploaded meshes here");
+    if (r->load_mesh(ref, ret, &problem, r->data) == 0)
+        return 0;
+    if (problem.code == PROBLEM_NOT_FOUND)
+        return refuse(r, PROBLEM_INVALID, pointer, "ref", "no mesh with this SHA-256 has been uploaded");
+    return refuse(r, problem.code, pointer, "ref", "%.190s", problem.detail);
+}
+
+/* {positions, triangles, pattern} or {ref}, at member "mesh" of the object at `pointer`. */
+static int read_mesh(struct reader *r, const json_t *object, const char *pointer, struct mesh *ret)
+{
+    char at[JSONTEXT_POINTER_BYTES];
+    const json_t *mesh = json_object_get(object, "mesh");
+    jsontext_pointer(at, sizeof at, pointer, "mesh");
+    if (!json_is_object(mesh))
+        return problem_at(r->problem, PROBLEM_INVALID, at, mesh ? "must be an object" : "is missing");
+    if (json_object_get(mesh, "ref"))
+        return load_ref(r, mesh, at, ret);
+    return meshfile_from_json(&r->json, mesh, at, r->limits, ret, r->problem);
+}
+
+/* ---- materials -------------------------------------------------------------------------------- */
+
+/* Members not given are NAN until fill_material(). */
+static const drape_material UNKNOWN = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+
+static int read_preset(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+{
+    const json_t *name = json_object_get(object, "preset");
+    if (!name)
+        return 0;
+    const struct material_preset *preset =
+        json_is_string(name) ? materials_find(json_string_value(name)) : NULL;
+    if (!preset)
+        return refuse(r, PROBLEM_INVALID, pointer, "preset", "is none of the presets at /v1/materials");
+    *ret = preset->material;
+    return 0;
+}
+
+/* A number (N/m), or in a later version a strain-stress curve. */
+static int get_stiffness(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                         double *ret)
+{
+    if (json_is_array(json_object_get(object, member)))
+        return refuse(r, PROBLEM_UNSUPPORTED, pointer, member,
+                      "strain-stress curves are not done in this version: give one number");
+    return get_number(r, object, pointer, member, &POSITIVE, ret);
+}
+
+static int read_stretch(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+{
+    static const char *const MEMBERS[] = {"weft", "warp", "shear", NULL};
+    char at[JSONTEXT_POINTER_BYTES];
+    const json_t *stretch = json_object_get(object, "stretch");
+    if (!stretch)
+        return 0;
+    jsontext_pointer(at, sizeof at, pointer, "stretch");
+    if (check_object(r, stretch, at, MEMBERS) || get_stiffness(r, stretch, at, "weft", &ret->stretch_weft) ||
+        get_stiffness(r, stretch, at, "warp", &ret->stretch_warp))
+        return -1;
+    return get_stiffness(r, stretch, at, "shear", &ret->stretch_shear);
+}
+
+/* One number B stands for an isotropic plate; it replaces all three of a preset. */
+static int read_bend(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+{
+    static const char *const MEMBERS[] = {"weft", "warp", "twist", NULL};
+    char at[JSONTEXT_POINTER_BYTES];
+    const json_t *bend = json_object_get(object, "bend");
+    if (json_is_number(bend)) {
+        ret->bend_twist = NAN;
+        if (get_number(r, object, pointer, "bend", &NOT_NEGATIVE, &ret->bend_weft))
+            return -1;
+        ret->bend_warp = ret->bend_weft;
+        return 0;
+    }
+    if (!bend)
+        return 0;
+    jsontext_pointer(at, sizeof at, pointer, "bend");
+    if (!json_is_object(bend))
+        return problem_at(r->problem, PROBLEM_INVALID, at, "must be a number or an object");
+    if (check_object(r, bend, at, MEMBERS) ||
+        get_number(r, bend, at, "weft", &NOT_NEGATIVE, &ret->bend_weft) ||
+        get_number(r, bend, at, "warp", &NOT_NEGATIVE, &ret->bend_warp))
+        return -1;
+    return get_number(r, bend, at, "twist", &NOT_NEGATIVE, &ret->bend_twist);
+}
+
+/* Defaults of what was not given, and a refusal of what has none. Isotropic cloth of modulus E and
+ * Poisson ratio nu has the shear modulus E / (2 (1 + nu)); a plate of rigidity B without Poisson effect
+ * the twisting rigidity B / 2. For different weft and warp, their means are put in. */
+static int fill_material(struct reader *r, const char *pointer, drape_material *m)
+{
+    const struct {
+        const char *member;
+        double value;
+    } required[] = {{"density", m->density},
+                    {"stretch/weft", m->stretch_weft},
+                    {"stretch/warp", m->stretch_warp},
+                    {"bend/weft", m->bend_weft},
+                    {"bend/warp", m->bend_warp}};
+    for (size_t i = 0; i < sizeof required / sizeof *required; i++)
+        if (isnan(required[i].value)) {
+            char at[JSONTEXT_POINTER_BYTES];
+            snprintf(at, sizeof at, "%.90s/%s", pointer, required[i].member);
+            return problem_at(r->problem, PROBLEM_INVALID, at, "is missing, and no preset gives it");
+        }
+    if (isnan(m->poisson))
+        m->poisson = 0;
+    if (isnan(m->stretch_shear))
+        m->stretch_shear = (m->stretch_weft + m->stretch_warp) / (4 * (1 + m->poisson));
+    if (isnan(m->bend_twist))
+        m->bend_twist = (m->bend_weft + m->bend_warp) / 4;
+    return 0;
+}
+
+static int read_material(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+{
+    static const char *const MEMBERS[] = {"preset", "density", "stretch", "poisson", "bend", NULL};
+    static const struct range POISSON = {-1 + DBL_EPSILON, 1 - DBL_EPSILON, "must be between -1 and 1"};
+    *ret = UNKNOWN;
+    if (check_object(r, object, pointer, MEMBERS) || read_preset(r, object, pointer, ret) ||
+        get_number(r, object, pointer, "density", &POSITIVE, &ret->density) ||
+        get_number(r, object, pointer, "poisson", &POISSON, &ret->poisson) ||
+        read_stretch(r, object, pointer, ret) || read_bend(r, object, pointer, ret))
+        return -1;
+    return fill_material(r, pointer, ret);
+}
+
+static int read_materials(struct reader *r, const json_t *cloth)
+{
+    struct job_spec *spec = r->spec;
+    const json_t *array = json_object_get(cloth, "materials");
+    size_t n = json_array_size(array);
+    char at[JSONTEXT_POINTER_BYTES];
+    if (n == 0)
+        return refuse(r, PROBLEM_INVALID, "/cloth", "materials", "must be an array of at least one material");
+    if (n > r->limits->materials)
+        return refuse(r, PROBLEM_TOO_LARGE, "/cloth", "materials", "%zu, the limit is %zu", n,
+                      r->limits->materials);
+    spec->material = calloc(n, sizeof *spec->material);
+    if (!spec->material)
+        return out_of_memory(r);
+    spec->scene.materials = n;
+    for (size_t i = 0; i < n; i++) {
+        element_pointer(at, sizeof at, "/cloth/materials", i);
+        if (read_material(r, json_array_get(array, i), at, &spec->material[i]))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- cloth ------------------------------------------------------------------------------------ */
+
+static int read_triangle_material(struct reader *r, const json_t *cloth)
+{
+    struct job_spec *spec = r->spec;
+    size_t count = spec->cloth.triangles;
+    if (get_indices(r, cloth, "/cloth", "triangle_material", 1, spec->scene.materials,
+                    &spec->triangle_material, &count))
+        return -1;
+    if (spec->triangle_material && count != spec->cloth.triangles)
+        return refuse(r, PROBLEM_INVALID, "/cloth", "triangle_material",
+                      "has %zu entries where the mesh has %zu triangles", count, spec->cloth.triangles);
+    return 0;
+}
+
+static int read_cloth(struct reader *r, const json_t *root)
+{
+    static const char *const MEMBERS[] = {"mesh",      "seams", "pins", "materials", "triangle_material",
+                                          "thickness", NULL};
+    static const struct range THICKNESS = {0, MAX_THICKNESS, "must be between 0 and 0.02 m"};
+    struct job_spec *spec = r->spec;
+    const json_t *cloth = json_object_get(root, "cloth");
+    double thickness = 0; /* checked only: body offsets are measured from the middle of the cloth */
+    if (!cloth)
+        return refuse(r, PROBLEM_INVALID, "", "cloth", "is missing");
+    if (check_object(r, cloth, "/cloth", MEMBERS) || read_mesh(r, cloth, "/cloth", &spec->cloth))
+        return -1;
+    if (!spec->cloth.pattern)
+        return refuse(r, PROBLEM_INVALID, "/cloth", "mesh", "has no pattern: the flat rest shape is needed");
+    size_t vertices = spec->cloth.vertices;
+    if (get_indices(r, cloth, "/cloth", "seams", 2, vertices, &spec->seam, &spec->scene.seams) ||
+        get_indices(r, cloth, "/cloth", "pins", 1, vertices, &spec->pin, &spec->scene.pins) ||
+        read_materials(r, cloth) || read_triangle_material(r, cloth))
+        return -1;
+    return get_number(r, cloth, "/cloth", "thickness", &THICKNESS, &thickness);
+}
+
+/* ---- bodies ----------------------------------------------------------------------------------- */
+
+static int get_radius(struct reader *r, const json_t *object, const char *pointer, double *ret)
+{
+    if (!json_object_get(object, "radius"))
+        return refuse(r, PROBLEM_INVALID, pointer, "radius", "is missing");
+    return get_number(r, object, pointer, "radius", &POSITIVE, ret);
+}
+
+static int read_sphere(struct reader *r, const json_t *sphere, const char *pointer, drape_body *ret)
+{
+    static const char *const MEMBERS[] = {"center", "radius", NULL};
+    if (check_object(r, sphere, pointer, MEMBERS) ||
+        get_vector(r, sphere, pointer, "center", true, ret->point))
+        return -1;
+    return get_radius(r, sphere, pointer, &ret->radius);
+}
+
+static int read_plane(struct reader *r, const json_t *plane, const char *pointer, drape_body *ret)
+{
+    static const char *const MEMBERS[] = {"point", "normal", NULL};
+    if (check_object(r, plane, pointer, MEMBERS) ||
+        get_vector(r, plane, pointer, "point", true, ret->point) ||
+        get_vector(r, plane, pointer, "normal", true, ret->axis))
+        return -1;
+    if (!(fabs(ret->axis[0]) + fabs(ret->axis[1]) + fabs(ret->axis[2]) > 0))
+        return refuse(r, PROBLEM_INVALID, pointer, "normal", "must not be zero");
+    return 0;
+}
+
+static int read_capsule(struct reader *r, const json_t *capsule, const char *pointer, drape_body *ret)
+{
+    static const char *const MEMBERS[] = {"a", "b", "radius", NULL};
+    if (check_object(r, capsule, pointer, MEMBERS) ||
+        get_vector(r, capsule, pointer, "a", true, ret->point) ||
+        get_vector(r, capsule, pointer, "b", true, ret->axis))
+        return -1;
+    return get_radius(r, capsule, pointer, &ret->radius);
+}
+
+static int read_body_mesh(struct reader *r, const json_t *object, const char *pointer, struct mesh *mesh,
+                          drape_body *ret)
+{
+    if (read_mesh(r, object, pointer, mesh))
+        return -1;
+    ret->positions = mesh->positions;
+    ret->triangle = mesh->triangle;
+    ret->vertices = mesh->vertices;
+    ret->triangles = mesh->triangles;
+    return 0;
+}
+
+static int read_body_shape(struct reader *r, const json_t *object, const char *pointer, struct mesh *mesh,
+                           drape_body *ret)
+{
+    static const struct {
+        const char *member;
+        drape_body_kind kind;
+        int (*read)(struct reader *r, const json_t *shape, const char *pointer, drape_body *ret);
+    } SHAPE[] = {{"mesh", DRAPE_BODY_MESH, NULL},
+                 {"sphere", DRAPE_BODY_SPHERE, read_sphere},
+                 {"plane", DRAPE_BODY_PLANE, read_plane},
+                 {"capsule", DRAPE_BODY_CAPSULE, read_capsule}};
+    const size_t shapes = sizeof SHAPE / sizeof *SHAPE;
+    size_t found = shapes, count = 0;
+    char at[JSONTEXT_POINTER_BYTES];
+    for (size_t i = 0; i < shapes; i++)
+        if (json_object_get(object, SHAPE[i].member)) {
+            found = i;
+            count++;
+        }
+    if (count != 1)
+        return problem_at(r->problem, PROBLEM_INVALID, pointer,
+                          "needs exactly one of mesh, sphere, plane and capsule");
+    ret->kind = SHAPE[found].kind;
+    if (ret->kind == DRAPE_BODY_MESH)
+        return read_body_mesh(r, object, pointer, mesh, ret);
+    jsontext_pointer(at, sizeof at, pointer, SHAPE[found].member);
+    return SHAPE[found].read(r, json_object_get(object, SHAPE[found].member), at, ret);
+}
+
+static int read_body(struct reader *r, const json_t *object, const char *pointer, struct mesh *mesh,
+                     drape_body *ret)
+{
+    static const char *const MEMBERS[] = {"mesh",   "sphere",         "plane",    "capsule", "offset",
+                                          "motion", "motion_seconds", "friction", NULL};
+    ret->offset = DRAPE_DEFAULT_OFFSET;
+    if (check_object(r, object, pointer, MEMBERS) || refuse_present(r, object, pointer, "motion") ||
+        refuse_present(r, object, pointer, "motion_seconds") || get_zero(r, object, pointer, "friction") ||
+        get_number(r, object, pointer, "offset", &POSITIVE, &ret->offset))
+        return -1;
+    return read_body_shape(r, object, pointer, mesh, ret);
+}
+
+static int read_bodies(struct reader *r, const json_t *root)
+{
+    struct job_spec *spec = r->spec;
+    const json_t *array = json_object_get(root, "bodies");
+    size_t n = json_array_size(array);
+    char at[JSONTEXT_POINTER_BYTES];
+    if (array && !json_is_array(array))
+        return refuse(r, PROBLEM_INVALID, "", "bodies", "must be an array");
+    if (n > r->limits->bodies)
+        return refuse(r, PROBLEM_TOO_LARGE, "", "bodies", "%zu, the limit is %zu", n, r->limits->bodies);
+    if (n == 0)
+        return 0;
+    spec->body = calloc(n, sizeof *spec->body);
+    spec->body_mesh = calloc(n, sizeof *spec->body_mesh);
+    if (!spec->body || !spec->body_mesh)
+        return out_of_memory(r);
+    spec->scene.bodies = n;
+    for (size_t i = 0; i < n; i++) {
+        element_pointer(at, sizeof at, "/bodies", i);
+        if (read_body(r, json_array_get(array, i), at, &spec->body_mesh[i], &spec->body[i]))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- solver ----------------------------------------------------------------------------------- */
+
+static const struct choice METHOD[] = {{"auto", DRAPE_METHOD_AUTO, true},
+                                       {"stop-and-go", DRAPE_METHOD_STOP_AND_GO, true},
+                                       {"dynamic", DRAPE_METHOD_DYNAMIC, true},
+                                       {"quasi-static", 0, false},
+                                       {"newton", 0, false}};
+static const struct choice STOP_ON[] = {{"potential", DRAPE_STOP_ON_POTENTIAL, true},
+                                        {"kinetic", DRAPE_STOP_ON_KINETIC, true}};
+static const struct choice INTEGRATOR[] = {
+    {"backward-euler", 0, true}, {"bdf2", 0, false}, {"implicit-midpoint", 0, false}, {"rk4", 0, false}};
+static const struct choice SELF_CONTACT[] = {{"auto", 0, true}, {"off", 0, true}, {"on", 0, false}};
+
+#define GET_CHOICE(r, object, pointer, member, table, ret)                                                   \
+    get_choice(r, object, pointer, member, table, sizeof table / sizeof *table, ret)
+
+static int read_words(struct reader *r, const json_t *solver, drape_options *ret)
+{
+    int method = (int)ret->method, stop_on = (int)ret->stop_on, integrator = 0;
+    if (GET_CHOICE(r, solver, "/solver", "method", METHOD, &method) ||
+        GET_CHOICE(r, solver, "/solver", "stop_on", STOP_ON, &stop_on) ||
+        GET_CHOICE(r, solver, "/solver", "integrator", INTEGRATOR, &integrator))
+        return -1;
+    ret->method = (drape_method)method;
+    ret->stop_on = (drape_stop_rule)stop_on;
+    return 0;
+}
+
+static int read_max_iterations(struct reader *r, const json_t *solver, drape_options *ret)
+{
+    double limit =
+        r->limits->max_iterations < DRAPE_MAX_ITERATIONS ? r->limits->max_iterations : DRAPE_MAX_ITERATIONS;
+    double value = ret->max_iterations;
+    if (get_number(r, solver, "/solver", "max_iterations", &ANY, &value))
+        return -1;
+    if (!(value >= 0 && value <= limit && value == floor(value)))
+        return refuse(r, PROBLEM_INVALID, "/solver", "max_iterations", "must be an integer from 0 to %.0f",
+                      limit);
+    ret->max_iterations = (uint32_t)value;
+    return 0;
+}
+
+static int read_time_limit(struct reader *r, const json_t *solver, drape_options *ret)
+{
+    double value = fmin(ret->time_limit, r->limits->time_limit_s);
+    if (get_number(r, solver, "/solver", "time_limit_s", &ANY, &value))
+        return -1;
+    if (!(value > 0 && value <= r->limits->time_limit_s))
+        return refuse(r, PROBLEM_INVALID, "/solver", "time_limit_s", "must be > 0 and at most %g",
+                      r->limits->time_limit_s);
+    ret->time_limit = value;
+    return 0;
+}
+
+static int read_damping(struct reader *r, const json_t *solver)
+{
+    static const char *const MEMBERS[] = {"air", "material", NULL};
+    const json_t *damping = json_object_get(solver, "damping");
+    if (!damping)
+        return 0;
+    if (check_object(r, damping, "/solver/damping", MEMBERS) ||
+        get_zero(r, damping, "/solver/damping", "air"))
+        return -1;
+    return get_zero(r, damping, "/solver/damping", "material");
+}
+
+static int read_certify(struct reader *r, const json_t *solver)
+{
+    const json_t *certify = json_object_get(solver, "certify");
+    if (!certify || json_is_false(certify))
+        return 0;
+    if (json_is_true(certify))
+        return refuse(r, PROBLEM_UNSUPPORTED, "/solver", "certify", "is not done in this version");
+    return refuse(r, PROBLEM_INVALID, "/solver", "certify", "must be true or false");
+}
+
+static int read_solver(struct reader *r, const json_t *root)
+{
+    static const char *const MEMBERS[] = {"method",  "integrator", "stop_on",        "time_step",
+                                          "damping", "tolerance",  "max_iterations", "time_limit_s",
+                                          "certify", NULL};
+    static const struct range TIME_STEP = {DRAPE_MIN_TIME_STEP, DRAPE_MAX_TIME_STEP,
+                                           "must be between 1e-6 and 1000 s"};
+    const json_t *solver = json_object_get(root, "solver");
+    drape_options *options = &r->spec->options;
+    if (solver && check_object(r, solver, "/solver", MEMBERS))
+        return -1;
+    if (read_words(r, solver, options) ||
+        get_number(r, solver, "/solver", "time_step", &TIME_STEP, &options->time_step) ||
+        get_number(r, solver, "/solver", "tolerance", &POSITIVE, &options->tolerance) ||
+        read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
+        read_damping(r, solver))
+        return -1;
+    return read_certify(r, solver);
+}
+
+/* ---- the job ---------------------------------------------------------------------------------- */
+
+static int read_job(struct reader *r)
+{
+    static const char *const MEMBERS[] = {"name",    "labels", "cloth",      "bodies", "self_contact",
+                                          "gravity", "solver", "start_from", NULL};
+    json_t *root = r->json.root;
+    int self_contact = 0;
+    if (check_object(r, root, "", MEMBERS) || refuse_present(r, root, "", "start_from") ||
+        read_name(r, root) || read_labels(r, root) ||
+        GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
+        get_vector(r, root, "", "gravity", false, r->spec->scene.gravity) || read_solver(r, root) ||
+        read_cloth(r, root))
+        return -1;
+    return read_bodies(r, root);
+}
+
+/* Points the scene at the arrays of the spec, which by now stay where they are. */
+static void link_scene(struct job_spec *spec)
+{
+    spec->scene.vertices = spec->cloth.vertices;
+    spec->scene.triangles = spec->cloth.triangles;
+    spec->scene.positions = spec->cloth.positions;
+    spec->scene.pattern = spec->cloth.pattern;
+    spec->scene.triangle = spec->cloth.triangle;
+    spec->scene.seam = spec->seam;
+    spec->scene.pin = spec->pin;
+    spec->scene.material = spec->material;
+    spec->scene.triangle_material = spec->triangle_material;
+    spec->scene.body = spec->body;
+}
+
+/* A pointer into a mesh that was given by its hash ends at the hash. */
+static void point_at_ref(const struct reader *r, struct problem *problem)
+{
+    if (!problem || problem->error_count == 0)
+        return;
+    char *pointer = problem->errors[0].pointer, *mesh = strstr(pointer, "/mesh/");
+    const json_t *object = json_object_get(r->json.root, "cloth");
+    unsigned body;
+    if (sscanf(pointer, "/bodies/%u/", &body) == 1)
+        object = json_array_get(json_object_get(r->json.root, "bodies"), body);
+    if (mesh && json_object_get(json_object_get(object, "mesh"), "ref"))
+        strcpy(mesh, "/mesh/ref"); /* never longer than "/mesh/positions/0" */
+}
+
+static int check_scene(struct reader *r)
+{
+    drape_error error;
+    link_scene(r->spec);
+    if (drape_scene_check(&r->spec->scene, &error) >= 0)
+        return 0;
+    schema_solver_problem(&error, r->problem);
+    point_at_ref(r, r->problem);
+    return -1;
+}
+
+int schema_job_parse(const char *text, size_t bytes, const struct limits *limits, schema_mesh_fn *load_mesh,
+                     void *data, struct job_spec **ret, struct problem *reterr)
+{
+    struct reader r = {.limits = limits, .load_mesh = load_mesh, .data = data, .problem = reterr};
+    int rc = -1;
+    if (jsontext_parse(text, bytes, limits, &r.json, reterr))
+        return -1;
+    r.spec = calloc(1, sizeof *r.spec);
+    if (!r.spec) {
+        out_of_memory(&r);
+        goto cleanup;
+    }
+    r.spec->scene = drape_scene_desc_default();
+    r.spec->options = drape_options_default();
+    if (read_job(&r) || check_scene(&r))
+        goto cleanup;
+    *ret = r.spec;
+    r.spec = NULL;
+    rc = 0;
+
+cleanup:
+    job_spec_free(r.spec);
+    jsontext_done(&r.json);
+    return rc;
+}
+
+struct job_spec *job_spec_free(struct job_spec *spec)
+{
+    if (!spec)
+        return NULL;
+    for (size_t i = 0; spec->body_mesh && i < spec->scene.bodies; i++)
+        mesh_done(&spec->body_mesh[i]);
+    mesh_done(&spec->cloth);
+    json_decref(spec->labels);
+    free(spec->seam);
+    free(spec->pin);
+    free(spec->triangle_material);
+    free(spec->material);
+    free(spec->body_mesh);
+    free(spec->body);
+    free(spec);
+    return NULL;
+}

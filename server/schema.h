@@ -1,0 +1,45 @@
+/* schema.h - job documents (JSON) to scene descriptions and options, and reports back to JSON.
+ * Knows no sockets and no store; errors name the member by JSON pointer. */
+#ifndef DRAPED_SCHEMA_H
+#define DRAPED_SCHEMA_H
+
+#include "drape.h"
+#include "limits.h"
+#include "meshfile.h"
+#include "problem.h"
+
+struct job_spec {      /* owns everything it points to */
+    char name[201];    /* "" when absent */
+    json_t *labels;    /* object of strings, or NULL */
+    struct mesh cloth; /* positions, triangles, pattern */
+    uint32_t *seam, *pin, *triangle_material;
+    drape_material *material;
+    struct mesh *body_mesh; /* one per body, empty unless it is a mesh */
+    drape_body *body;
+    drape_scene_desc scene; /* points into the arrays above */
+    drape_options options;  /* progress left NULL */
+};
+
+/* Loads the mesh uploaded under `sha256` (64 hex digits) into *ret; 0, or -1 with *reterr filled. */
+typedef int schema_mesh_fn(const char *sha256, struct mesh *ret, struct problem *reterr, void *data);
+
+/* Parses and checks a whole job (the document is described in openapi.json): syntax, depth and counts, types,
+ * unknown members, ranges, then drape_scene_check. 0 and *ret, or -1 and *reterr. Thread-safe. */
+int schema_job_parse(const char *text, size_t bytes, const struct limits *limits, schema_mesh_fn *load_mesh,
+                     void *data, struct job_spec **ret, struct problem *reterr);
+struct job_spec *job_spec_free(struct job_spec *spec); /* NULL is fine; returns NULL */
+
+/* Turns the solver's error into a problem with the JSON pointer of the place at fault. Returns -1. */
+int schema_solver_problem(const drape_error *error, struct problem *reterr);
+
+/* What a residual energy is worth: the solver knows no minimum to compare with and gives half the Newton
+ * decrement. */
+#define SCHEMA_RESIDUAL_ENERGY_IS "estimate"
+
+/* New references, NULL when out of memory; non-finite numbers become null. */
+json_t *schema_energies_json(const drape_energies *energies);
+json_t *schema_progress_json(const drape_progress *progress, const drape_options *options);
+json_t *schema_report_json(const drape_report *report);
+json_t *schema_materials_json(void); /* the presets, each with its source */
+
+#endif

@@ -1,0 +1,120 @@
+/* solve.c - see solve.h. */
+#include "solve.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "clock.h"
+#include "drape.h"
+#include "meshref.h"
+#include "output.h"
+#include "schema.h"
+
+struct run {
+    const struct solve_task *task;
+    struct solve_outcome *outcome;
+    struct job_spec *spec;
+    drape_scene *scene;
+    drape_sim *sim;
+    drape_progress last;
+    bool has_progress;
+    int64_t reported_ms; /* monotonic; 0: not yet */
+};
+
+/* The text of a JSON value, which it takes; NULL when out of memory. */
+static char *dump(json_t *json)
+{
+    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
+    json_decref(json);
+    return text;
+}
+
+static int on_progress(const drape_progress *progress, void *data)
+{
+    struct run *run = data;
+    int64_t now = clock_monotonic_ms();
+    run->last = *progress;
+    run->has_progress = true;
+    if (run->reported_ms == 0 || now - run->reported_ms >= SOLVE_PROGRESS_MS) {
+        char *json = dump(schema_progress_json(progress, &run->spec->options));
+        run->reported_ms = now;
+        if (json != NULL)
+            run->task->progress(json, run->task->data);
+    }
+    return atomic_load(run->task->stop);
+}
+
+static int load(struct run *run, struct problem *reterr)
+{
+    const struct solve_task *task = run->task;
+    struct meshref meshref = {task->store, task->limits};
+    char *text;
+    size_t bytes;
+    if (store_job_document(task->store, task->id, &text, &bytes, reterr) != 0)
+        return -1;
+    int failed = schema_job_parse(text, bytes, task->limits, meshref_load, &meshref, &run->spec, reterr);
+    free(text);
+    return failed;
+}
+
+/* The drape_status of the run, or a negative one with *reterr filled. */
+static drape_status drape(struct run *run, struct problem *reterr)
+{
+    drape_error error;
+    drape_options options = run->spec->options;
+    options.progress = on_progress;
+    options.progress_data = run;
+    drape_status status = drape_scene_new(&run->spec->scene, &run->scene, &error);
+    if (status >= 0)
+        status = drape_sim_new(run->scene, &options, &run->sim, &error);
+    if (status >= 0 && atomic_load(run->task->stop))
+        return DRAPE_CANCELLED;
+    if (status >= 0)
+        status = drape_sim_run(run->sim, &error);
+    if (status < 0)
+        schema_solver_problem(&error, reterr);
+    return status;
+}
+
+static int write_results(struct run *run, struct problem *reterr)
+{
+    const struct solve_task *task = run->task;
+    const drape_report *report = drape_sim_report(run->sim);
+    size_t rows, vertices;
+    const drape_row *row = drape_sim_trace(run->sim, &rows);
+    const double *positions = drape_sim_positions(run->sim, &vertices);
+    int dirfd;
+    snprintf(run->outcome->verdict, sizeof run->outcome->verdict, "%s", drape_verdict_name(report->verdict));
+    run->outcome->iterations = report->iterations;
+    run->outcome->report = dump(schema_report_json(report));
+    if (run->outcome->report == NULL)
+        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    if (store_results_begin(task->store, task->id, task->attempt, &dirfd, reterr) != 0)
+        return -1;
+    int failed = output_write(dirfd, run->spec, report, positions, row, rows, reterr);
+    close(dirfd);
+    return failed;
+}
+
+void solve_job(const struct solve_task *task, struct solve_outcome *ret)
+{
+    struct run run = {.task = task, .outcome = ret};
+    memset(ret, 0, sizeof *ret);
+    ret->end = SOLVE_FAILED;
+    if (load(&run, &ret->error) != 0)
+        goto cleanup;
+    drape_status status = drape(&run, &ret->error);
+    if (run.has_progress)
+        ret->progress = dump(schema_progress_json(&run.last, &run.spec->options));
+    if (status == DRAPE_CANCELLED)
+        ret->end = SOLVE_STOPPED;
+    else if (status >= 0 && write_results(&run, &ret->error) == 0)
+        ret->end = SOLVE_DONE;
+
+cleanup:
+    drape_sim_free(run.sim);
+    drape_scene_free(run.scene);
+    job_spec_free(run.spec);
+}

@@ -1,0 +1,118 @@
+/* store.h - what must survive: jobs, results and meshes in the data folder.
+ *
+ *   draped.db               SQLite: one row per job and per mesh
+ *   draped.lock             held by the one daemon that may use the folder
+ *   jobs/<id>.json          the document as it was posted
+ *   results/<id>.<attempt>/ the files of output.h, complete and synced before the row says so
+ *   results/<id>.<attempt>.tmp/   the same while that attempt writes them
+ *   meshes/<sha256>         an uploaded mesh, byte for byte
+ *
+ * Every file is written under a temporary name, synced, renamed and its folder synced before the row
+ * that speaks of it is committed; so a row never promises a file that is not there, and what no row
+ * speaks of is removed at the next start.
+ *
+ * Any thread may call anything but open and close. One lock (inside) serialises the one database
+ * connection; it is held for one short transaction, never while files are written, and nothing else
+ * is locked under it. Every call may wait for the disk: not for the HTTP thread.
+ *
+ * Functions return 0; STORE_NONE when there is no such row, or none in that state at that attempt
+ * (*reterr is untouched); or -1 with *reterr filled (PROBLEM_STORAGE, nothing changed). */
+#ifndef DRAPED_STORE_H
+#define DRAPED_STORE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "job.h"
+#include "problem.h"
+
+struct metrics;
+struct store;
+
+#define STORE_NONE 1
+#define STORE_GONE 2 /* there was such a job; it was removed */
+
+/* Creates the folder when it is missing. `metrics` may be NULL. */
+int store_open(const char *dir, struct metrics *metrics, struct store **ret, struct problem *reterr);
+struct store *store_close(struct store *store); /* NULL is fine; returns NULL */
+
+/* ---- jobs ---------------------------------------------------------------------------------------- */
+
+typedef int store_job_fn(const struct job *job, void *data); /* borrowed; nonzero stops */
+
+/* Once, before the first worker: jobs found running had their daemon die under them. They go back to
+ * the queue at the next attempt, or fail as worker-crash at crash number `max_crashes`, or end as
+ * canceled when that had been asked for. Removes what no row speaks of, then calls `each` for every
+ * queued job, oldest first. */
+int store_recover(struct store *store, unsigned max_crashes, int64_t now_ms, store_job_fn *each, void *data,
+                  struct problem *reterr);
+
+/* A queued job with its document: durable once this returns 0. */
+int store_job_add(struct store *store, const struct job *job, const void *document, size_t bytes,
+                  struct problem *reterr);
+
+/* Each of these is one compare-and-set on (state, attempt); exactly one of two racing calls wins.
+ * `job` carries the id, the revision to write, and whose attempt is compared.  */
+int store_job_start(struct store *store, const struct job *job, struct problem *reterr);
+int store_job_cancel_queued(struct store *store, const struct job *job, struct problem *reterr);
+int store_job_cancel_running(struct store *store, const struct job *job, struct problem *reterr);
+
+/* running -> queued at attempt + 1: the daemon stops before the job ended. Not a crash. */
+int store_job_requeue(struct store *store, const struct job *job, struct problem *reterr);
+
+/* running -> ended, with everything `job` holds. A job that succeeded has its results published first
+ * (see store_results_begin); one that did not has them dropped. After -1 it may be called again. */
+int store_job_finish(struct store *store, const struct job *job, struct problem *reterr);
+
+int store_job_get(struct store *store, const char *id, struct job *ret, struct problem *reterr);
+
+/* The posted document; the caller frees *ret. */
+int store_job_document(struct store *store, const char *id, char **ret, size_t *ret_bytes,
+                       struct problem *reterr);
+
+/* Removes an ended job and all its files; its id is remembered as gone. STORE_GONE: already;
+ * STORE_NONE: no such job, or it has not ended. */
+int store_job_remove(struct store *store, const char *id, int64_t now_ms, struct problem *reterr);
+
+struct store_filter {
+    int status;             /* enum job_status; -1: any */
+    const char *label_name; /* NULL: any */
+    const char *label_value;
+    int64_t before; /* only jobs older than this position; INT64_MAX: from the newest */
+    size_t limit;
+};
+
+/* Newest first. *ret_last is the position of the last one given, *ret_more tells whether older ones
+ * remain. */
+int store_job_list(struct store *store, const struct store_filter *filter, store_job_fn *each, void *data,
+                   int64_t *ret_last, bool *ret_more, struct problem *reterr);
+
+/* ---- results ------------------------------------------------------------------------------------- */
+
+/* An empty folder for this attempt's files; the caller closes *ret_dirfd. */
+int store_results_begin(struct store *store, const char *id, uint32_t attempt, int *ret_dirfd,
+                        struct problem *reterr);
+void store_results_drop(struct store *store, const char *id, uint32_t attempt);
+
+/* One file of the results of a job that succeeded at `attempt`, open for reading; the caller closes
+ * *ret_fd. */
+int store_result_open(struct store *store, const char *id, uint32_t attempt, const char *file, int *ret_fd,
+                      uint64_t *ret_bytes, struct problem *reterr);
+
+/* ---- meshes -------------------------------------------------------------------------------------- */
+
+struct store_mesh {
+    char sha256[SHA256_SIZE];
+    int format; /* enum mesh_format of meshfile.h */
+    uint64_t bytes;
+    size_t vertices, triangles;
+};
+
+/* Keeps `data` (mesh->bytes of it) under its digest. A mesh that is there already stays as it is. */
+int store_mesh_add(struct store *store, const struct store_mesh *mesh, const void *data, int64_t now_ms,
+                   struct problem *reterr);
+int store_mesh_get(struct store *store, const char *sha256, struct store_mesh *ret, struct problem *reterr);
+/* The mesh's bytes, open for reading; the caller closes *ret_fd. */
+int store_mesh_open(struct store *store, const char *sha256, int *ret_fd, struct problem *reterr);
+
+#endif

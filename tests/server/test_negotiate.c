@@ -1,0 +1,97 @@
+/* test_negotiate.c - Accept, If-None-Match, Prefer, Content-Type. */
+#include "test.h"
+
+#include "negotiate.h"
+
+static const char *const offer[] = {"application/json", "model/gltf-binary", "model/obj"};
+
+static int accept(const char *header)
+{
+    return negotiate_accept(header, offer, 3);
+}
+
+static void test_negotiate__accept_prefers_the_exact_and_the_weightier(void **state)
+{
+    (void)state;
+    assert_int_equal(accept(NULL), 0);
+    assert_int_equal(accept("*/*"), 0);
+    assert_int_equal(accept("model/obj"), 2);
+    assert_int_equal(accept("MODEL/OBJ"), 2);
+    assert_int_equal(accept("model/*"), 1);
+    assert_int_equal(accept("application/json;q=0.5, model/obj"), 2);
+    assert_int_equal(accept("*/*;q=0.1, model/gltf-binary;q=0.2"), 1);
+    assert_int_equal(accept("text/html, */*;q=0.1"), 0);
+    assert_int_equal(accept("application/json;q=0, */*"), 1);
+    assert_int_equal(accept("model/obj ; q=0.3 , model/gltf-binary; q=0.7"), 1);
+}
+
+static void test_negotiate__accept_may_fit_nothing(void **state)
+{
+    (void)state;
+    assert_int_equal(accept("text/html"), -1);
+    assert_int_equal(accept("text/*"), -1);
+    assert_int_equal(accept("*/*;q=0"), -1);
+    assert_int_equal(accept("model"), -1);
+    assert_int_equal(accept(""), -1);
+    assert_int_equal(accept(",,;q=,"), -1);
+}
+
+static void test_negotiate__if_none_match_compares_weakly(void **state)
+{
+    (void)state;
+    assert_true(negotiate_unchanged("\"1.2\"", "\"1.2\""));
+    assert_true(negotiate_unchanged("W/\"1.2\"", "\"1.2\""));
+    assert_true(negotiate_unchanged("\"a\", \"1.2\"", "\"1.2\""));
+    assert_true(negotiate_unchanged("\"a,b\" , \"1.2\" ", "\"1.2\""));
+    assert_true(negotiate_unchanged("*", "\"1.2\""));
+    assert_false(negotiate_unchanged(NULL, "\"1.2\""));
+    assert_false(negotiate_unchanged("", "\"1.2\""));
+    assert_false(negotiate_unchanged("\"1.20\"", "\"1.2\""));
+    assert_false(negotiate_unchanged("1.2", "\"1.2\""));
+    assert_false(negotiate_unchanged("\"1.2", "\"1.2\""));
+}
+
+static void test_negotiate__prefer_wait_is_read_and_capped(void **state)
+{
+    (void)state;
+    assert_int_equal(negotiate_wait("wait=10", 25), 10);
+    assert_int_equal(negotiate_wait("respond-async, wait = 7", 25), 7);
+    assert_int_equal(negotiate_wait("wait=10; x=y", 25), 10);
+    assert_int_equal(negotiate_wait("WAIT=25", 25), 25);
+    assert_int_equal(negotiate_wait("wait=26", 25), 25);
+    assert_int_equal(negotiate_wait("wait=99999999999999999999", 25), 25);
+}
+
+static void test_negotiate__other_preferences_are_ignored(void **state)
+{
+    (void)state;
+    const char *ignored[] = {"",        "wait",    "wait=",     "wait=rubbish",
+                             "wait=-1", "wait=1x", "waiting=3", "handling=lenient"};
+    for (size_t i = 0; i < sizeof ignored / sizeof *ignored; i++)
+        assert_int_equal(negotiate_wait(ignored[i], 25), 0);
+    assert_int_equal(negotiate_wait(NULL, 25), 0);
+}
+
+static void test_negotiate__content_types_are_compared_without_parameters(void **state)
+{
+    (void)state;
+    assert_true(negotiate_is_type("application/json", "application/json"));
+    assert_true(negotiate_is_type("Application/JSON; charset=utf-8", "application/json"));
+    assert_false(negotiate_is_type("application/jsonp", "application/json"));
+    assert_false(negotiate_is_type("application", "application/json"));
+    assert_false(negotiate_is_type("", "application/json"));
+    assert_false(negotiate_is_type(NULL, "application/json"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_negotiate__accept_prefers_the_exact_and_the_weightier),
+        cmocka_unit_test(test_negotiate__accept_may_fit_nothing),
+        cmocka_unit_test(test_negotiate__if_none_match_compares_weakly),
+        cmocka_unit_test(test_negotiate__prefer_wait_is_read_and_capped),
+        cmocka_unit_test(test_negotiate__other_preferences_are_ignored),
+        cmocka_unit_test(test_negotiate__content_types_are_compared_without_parameters),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

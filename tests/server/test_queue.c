@@ -1,0 +1,405 @@
+/* test_queue.c - states, order, limits, cancelling, draining, with real small jobs. */
+#include "scratch.h"
+
+#include <stdatomic.h>
+#include <time.h>
+
+#include <jansson.h>
+
+#include "clock.h"
+#include "drape.h"
+#include "log.h"
+#include "metrics.h"
+#include "queue.h"
+#include "store.h"
+
+struct rig {
+    char *dir;
+    struct limits limits;
+    struct store *store;
+    struct hub *hub;
+    struct metrics *metrics;
+    struct queue *queue;
+    atomic_int changes, ends;
+};
+
+static void on_changed(const char *id, struct revision revision, bool ended, const char *body, void *data)
+{
+    struct rig *rig = data;
+    (void)revision;
+    atomic_fetch_add(&rig->changes, 1);
+    if (ended)
+        atomic_fetch_add(&rig->ends, 1);
+    if (strstr(body, id) == NULL)
+        abort();
+}
+
+static void open_rig(struct rig *rig, unsigned workers, size_t queued)
+{
+    struct problem problem;
+    rig->limits = limits_default;
+    rig->limits.queued_jobs = queued;
+    assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
+    rig->hub = hub_new(8);
+    rig->metrics = metrics_new();
+    struct queue_setup setup = {rig->store, rig->hub, rig->metrics, &rig->limits, workers, on_changed, rig};
+    rig->queue = queue_new(&setup);
+    assert_non_null(rig->queue);
+    assert_int_equal(queue_start(rig->queue, &problem), 0);
+}
+
+static void close_rig(struct rig *rig)
+{
+    queue_interrupt(rig->queue);
+    rig->queue = queue_free(rig->queue);
+    rig->hub = hub_free(rig->hub);
+    rig->metrics = metrics_free(rig->metrics);
+    rig->store = store_close(rig->store);
+}
+
+static int rig_new(void **state)
+{
+    static struct rig rig;
+    void *dir;
+    memset(&rig, 0, sizeof rig);
+    if (scratch_new(&dir) != 0)
+        return -1;
+    rig.dir = dir;
+    *state = &rig;
+    return 0;
+}
+
+static int rig_free(void **state)
+{
+    void *dir = ((struct rig *)*state)->dir;
+    return scratch_free(&dir);
+}
+
+static int submit(struct rig *rig, const char *document, char id[ID_SIZE], struct problem *problem)
+{
+    struct job job = {0};
+    char *body = NULL;
+    id_new(job.id);
+    memcpy(id, job.id, ID_SIZE);
+    int result = queue_submit(rig->queue, &job, document, strlen(document), &body, problem);
+    if (result == 0) {
+        assert_non_null(strstr(body, "\"status\":\"queued\""));
+        assert_non_null(strstr(body, id));
+    }
+    free(body);
+    job_done(&job);
+    return result;
+}
+
+static void pause_ms(long ms)
+{
+    struct timespec t = {ms / 1000, ms % 1000 * 1000000L};
+    nanosleep(&t, NULL);
+}
+
+/* Waits until the job has ended and gives its row; fails after a minute. */
+static void wait_end(struct rig *rig, const char *id, struct job *ret)
+{
+    struct problem problem;
+    for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(2)) {
+        assert_int_equal(store_job_get(rig->store, id, ret, &problem), 0);
+        if (job_status_ended(ret->status))
+            return;
+        job_done(ret);
+    }
+    fail_msg("job %s did not end", id);
+}
+
+static void wait_status(struct rig *rig, const char *id, const char *status)
+{
+    char wanted[32];
+    snprintf(wanted, sizeof wanted, "\"status\":\"%s\"", status);
+    for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(1)) {
+        char *body = NULL;
+        struct revision revision;
+        int found = queue_body(rig->queue, id, &body, &revision);
+        bool hit = found == 0 && strstr(body, wanted) != NULL;
+        free(body);
+        if (hit)
+            return;
+        assert_int_equal(found, 0);
+    }
+    fail_msg("job %s did not become %s", id, status);
+}
+
+/* Runs far longer than any test waits for it. */
+static char *long_job(void)
+{
+    return scratch_square(40, "dynamic", 100000);
+}
+
+static void test_queue__a_job_succeeds_and_its_result_is_there_before_it_says_so(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char id[ID_SIZE], *text = scratch_square(4, "auto", 400);
+    int fd;
+    uint64_t bytes;
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    wait_end(rig, id, &job);
+    assert_int_equal(job.status, JOB_SUCCEEDED);
+    assert_string_equal(job.verdict, "at-rest");
+    assert_non_null(job.report);
+    assert_non_null(job.progress);
+    assert_null(job.error);
+    assert_int_equal(job.revision.attempt, 1);
+    assert_true(job.created_ms <= job.started_ms && job.started_ms <= job.finished_ms);
+    assert_int_equal(store_result_open(rig->store, id, 1, "result.json", &fd, &bytes, &problem), 0);
+    assert_true(bytes > 100);
+    close(fd);
+    job_done(&job);
+    free(text);
+    close_rig(rig);
+    assert_int_equal(rig->ends, 1);
+    assert_true(rig->changes >= 3); /* queued, running, end */
+}
+
+static void test_queue__a_document_that_no_longer_parses_fails_with_its_problem(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char id[ID_SIZE];
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, "{\"cloth\":1}", id, &problem), 0);
+    wait_end(rig, id, &job);
+    assert_int_equal(job.status, JOB_FAILED);
+    assert_non_null(strstr(job.error, "\"code\":\"invalid\""));
+    assert_non_null(strstr(job.error, id)); /* the instance */
+    assert_string_equal(job.verdict, "");
+    job_done(&job);
+    close_rig(rig);
+}
+
+static void test_queue__jobs_queued_and_running_are_bounded(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    char first[ID_SIZE], id[ID_SIZE], *body, *text = long_job();
+    open_rig(rig, 1, 2);
+    assert_int_equal(submit(rig, text, first, &problem), 0);
+    assert_int_equal(queue_admits(rig->queue, &problem), 0);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    assert_int_equal(queue_admits(rig->queue, &problem), -1);
+    assert_int_equal(submit(rig, text, first, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_QUEUE_FULL);
+    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), 0);
+    free(body);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    free(text);
+    close_rig(rig);
+}
+
+static void test_queue__positions_count_from_one_and_move_up(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct revision revision;
+    char running[ID_SIZE], id[3][ID_SIZE], *body, *text = long_job();
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, running, &problem), 0);
+    wait_status(rig, running, "running");
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(submit(rig, text, id[i], &problem), 0);
+    assert_int_equal(queue_body(rig->queue, id[2], &body, &revision), 0);
+    assert_non_null(strstr(body, "\"queue_position\":3"));
+    free(body);
+    assert_int_equal(queue_cancel(rig->queue, id[1], &body, &problem), 0);
+    assert_non_null(strstr(body, "\"status\":\"canceled\"")); /* at once */
+    free(body);
+    assert_int_equal(queue_body(rig->queue, id[1], &body, &revision), QUEUE_NONE);
+    assert_int_equal(queue_body(rig->queue, id[2], &body, &revision), 0);
+    assert_non_null(strstr(body, "\"queue_position\":2"));
+    free(body);
+    free(text);
+    close_rig(rig);
+}
+
+static void test_queue__a_running_job_stops_soon_after_its_cancel(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char id[ID_SIZE], *body, *text = long_job();
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    wait_status(rig, id, "running");
+    int64_t from = clock_monotonic_ms();
+    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), 0);
+    free(body);
+    wait_end(rig, id, &job);
+    assert_int_equal(job.status, JOB_CANCELED);
+    assert_string_equal(job.verdict, "");
+    assert_null(job.report);
+    assert_true(clock_monotonic_ms() - from < 10000);
+    job_done(&job);
+    while (queue_running(rig->queue) > 0)
+        pause_ms(1);
+    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), QUEUE_NONE);
+    free(text);
+    close_rig(rig);
+}
+
+static void test_queue__draining_refuses_and_interrupting_puts_back(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char running[ID_SIZE], waiting[ID_SIZE], *text = long_job();
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, running, &problem), 0);
+    wait_status(rig, running, "running");
+    assert_int_equal(submit(rig, text, waiting, &problem), 0);
+    queue_drain(rig->queue);
+    assert_int_equal(queue_running(rig->queue), 1);
+    assert_int_equal(submit(rig, text, waiting, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_DRAINING);
+    close_rig(rig);
+    assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
+    assert_int_equal(store_job_get(rig->store, running, &job, &problem), 0);
+    assert_int_equal(job.status, JOB_QUEUED);
+    assert_int_equal(job.revision.attempt, 2);
+    assert_int_equal(job.crashes, 0);
+    job_done(&job);
+    store_close(rig->store);
+    free(text);
+}
+
+static void test_queue__an_earlier_daemons_jobs_are_taken_up(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job = {.revision = {1, 1}}, back;
+    char *text = scratch_square(4, "auto", 400);
+    assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
+    id_new(job.id);
+    assert_int_equal(store_job_add(rig->store, &job, text, strlen(text), &problem), 0);
+    assert_int_equal(store_job_start(rig->store, &job, &problem), 0);
+    store_close(rig->store); /* died under it */
+    open_rig(rig, 1, 10);
+    wait_end(rig, job.id, &back);
+    assert_int_equal(back.status, JOB_SUCCEEDED);
+    assert_int_equal(back.revision.attempt, 2);
+    assert_int_equal(back.crashes, 1);
+    job_done(&back);
+    free(text);
+    close_rig(rig);
+}
+
+static void test_queue__two_workers_end_every_job_once(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char id[12][ID_SIZE], *text = scratch_square(3, "auto", 50);
+    open_rig(rig, 2, 100);
+    for (int i = 0; i < 12; i++)
+        assert_int_equal(submit(rig, text, id[i], &problem), 0);
+    for (int i = 0; i < 12; i++) {
+        wait_end(rig, id[i], &job);
+        assert_int_equal(job.status, JOB_SUCCEEDED);
+        assert_int_equal(job.revision.attempt, 1);
+        job_done(&job);
+    }
+    free(text);
+    close_rig(rig);
+    assert_int_equal(rig->ends, 12);
+}
+
+static void test_queue__a_race_of_cancel_and_end_has_one_outcome(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    int outcomes[JOB_STATUSES] = {0};
+    char id[ID_SIZE], *body, *text = scratch_square(4, "auto", 30);
+    open_rig(rig, 1, 100);
+    for (int i = 0; i < 40; i++) {
+        assert_int_equal(submit(rig, text, id, &problem), 0);
+        pause_ms(i % 8);
+        int found = queue_cancel(rig->queue, id, &body, &problem);
+        assert_true(found == 0 || found == QUEUE_NONE);
+        if (found == 0)
+            free(body);
+        wait_end(rig, id, &job);
+        outcomes[job.status]++;
+        job_done(&job);
+    }
+    free(text);
+    close_rig(rig);
+    assert_int_equal(outcomes[JOB_SUCCEEDED] + outcomes[JOB_CANCELED], 40);
+    assert_true(outcomes[JOB_CANCELED] > 0);
+    assert_int_equal(rig->ends, 40);
+}
+
+static void test_queue__followers_see_states_progress_and_the_end_in_rising_order(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct follower *f;
+    struct job job;
+    char id[ID_SIZE], *text = scratch_square(8, "auto", 400);
+    char all[65536], chunk[512];
+    size_t n = 0;
+    open_rig(rig, 1, 10);
+    assert_int_equal(queue_follow(rig->queue, "00000000000000000000000000000000", (struct revision){0, 0},
+                                  NULL, NULL, &f, &problem),
+                     QUEUE_NONE);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    int found = queue_follow(rig->queue, id, (struct revision){0, 0}, NULL, NULL, &f, &problem);
+    assert_int_equal(found, 0);
+    for (;;) {
+        ssize_t got = follower_pull(f, chunk, sizeof chunk);
+        if (got < 0)
+            break;
+        assert_true(n + (size_t)got < sizeof all);
+        memcpy(all + n, chunk, (size_t)got);
+        n += (size_t)got;
+        if (got == 0)
+            pause_ms(2);
+    }
+    all[n] = '\0';
+    struct revision last = {0, 0}, revision;
+    for (char *p = all; (p = strstr(p, "id: ")) != NULL; p++) {
+        assert_int_equal(sscanf(p, "id: %u.%u", &revision.attempt, &revision.counter), 2);
+        assert_true(revision_compare(revision, last) > 0);
+        last = revision;
+    }
+    wait_end(rig, id, &job);
+    assert_int_equal(revision_compare(last, job.revision), 0);
+    assert_non_null(strstr(all, "event: state\n"));
+    assert_non_null(strstr(all, "event: progress\n"));
+    assert_non_null(strstr(all, "event: end\n"));
+    job_done(&job);
+    follower_free(f);
+    free(text);
+    close_rig(rig);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, rig_new, rig_free)
+    const struct CMUnitTest tests[] = {
+        TEST(test_queue__a_job_succeeds_and_its_result_is_there_before_it_says_so),
+        TEST(test_queue__a_document_that_no_longer_parses_fails_with_its_problem),
+        TEST(test_queue__jobs_queued_and_running_are_bounded),
+        TEST(test_queue__positions_count_from_one_and_move_up),
+        TEST(test_queue__a_running_job_stops_soon_after_its_cancel),
+        TEST(test_queue__draining_refuses_and_interrupting_puts_back),
+        TEST(test_queue__an_earlier_daemons_jobs_are_taken_up),
+        TEST(test_queue__two_workers_end_every_job_once),
+        TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),
+        TEST(test_queue__followers_see_states_progress_and_the_end_in_rising_order),
+    };
+    id_init();
+    log_open(LOG_LEVEL_ERROR);
+    drape_blas_prepare();
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

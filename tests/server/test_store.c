@@ -1,0 +1,452 @@
+/* test_store.c - what survives: recovery, fencing, attempts, the third crash, refused writes. */
+#include "scratch.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "log.h"
+#include "store.h"
+
+static struct store *open_store(const char *dir)
+{
+    struct store *store = NULL;
+    struct problem problem;
+    assert_int_equal(store_open(dir, NULL, &store, &problem), 0);
+    return store;
+}
+
+/* Adds a queued job with a document; *ret is what a worker would hold of it. */
+static void add_job(struct store *store, struct job *ret)
+{
+    struct problem problem;
+    memset(ret, 0, sizeof *ret);
+    id_new(ret->id);
+    ret->revision = (struct revision){1, 1};
+    ret->created_ms = 1000;
+    assert_int_equal(store_job_add(store, ret, "{}", 2, &problem), 0);
+}
+
+static void get_job(struct store *store, const char *id, struct job *ret)
+{
+    struct problem problem;
+    assert_int_equal(store_job_get(store, id, ret, &problem), 0);
+}
+
+struct found {
+    size_t count;
+    struct job last;
+};
+
+static int note_job(const struct job *job, void *data)
+{
+    struct found *found = data;
+    found->count++;
+    memcpy(found->last.id, job->id, sizeof job->id);
+    found->last.revision = job->revision;
+    found->last.crashes = job->crashes;
+    return 0;
+}
+
+static size_t recover(struct store *store, struct found *found)
+{
+    struct problem problem;
+    memset(found, 0, sizeof *found);
+    assert_int_equal(store_recover(store, 3, 5000, note_job, found, &problem), 0);
+    return found->count;
+}
+
+/* Starts the job and leaves one file in the folder of its attempt's results. */
+static void start_job(struct store *store, struct job *job)
+{
+    struct problem problem;
+    int dirfd;
+    job->started_ms = 2000;
+    assert_int_equal(store_job_start(store, job, &problem), 0);
+    assert_int_equal(store_results_begin(store, job->id, job->revision.attempt, &dirfd, &problem), 0);
+    int fd = openat(dirfd, "result.json", O_WRONLY | O_CREAT | O_EXCL, 0600);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, "[]", 2), 2);
+    close(fd);
+    close(dirfd);
+    job->status = JOB_RUNNING;
+}
+
+static size_t count_entries(const char *dir, const char *folder)
+{
+    char command[512];
+    snprintf(command, sizeof command, "ls -A '%s/%s' | wc -l", dir, folder);
+    FILE *pipe = popen(command, "r");
+    unsigned n = 999;
+    assert_int_equal(fscanf(pipe, "%u", &n), 1);
+    pclose(pipe);
+    return n;
+}
+
+static void test_store__a_job_comes_back_as_it_was_added(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job = {
+        .created_ms = 1234, .revision = {1, 1}, .name = strdup("blue"), .labels = strdup("{\"a\":\"b\"}")};
+    id_new(job.id);
+    assert_int_equal(store_job_add(store, &job, "[1,2]", 5, &problem), 0);
+    store = store_close(store);
+    store = open_store(*state);
+    struct job back;
+    get_job(store, job.id, &back);
+    assert_string_equal(back.name, "blue");
+    assert_string_equal(back.labels, "{\"a\":\"b\"}");
+    assert_int_equal(back.status, JOB_QUEUED);
+    assert_int_equal(back.created_ms, 1234);
+    assert_null(back.report);
+    char *text;
+    size_t bytes;
+    assert_int_equal(store_job_document(store, job.id, &text, &bytes, &problem), 0);
+    assert_int_equal(bytes, 5);
+    assert_string_equal(text, "[1,2]");
+    free(text);
+    job_done(&back);
+    job_done(&job);
+    store_close(store);
+}
+
+static void test_store__a_second_daemon_is_kept_out(void **state)
+{
+    struct store *store = open_store(*state), *second = NULL;
+    struct problem problem;
+    assert_int_equal(store_open(*state, NULL, &second, &problem), -1);
+    assert_non_null(strstr(problem.detail, "in use"));
+    store_close(store);
+    second = open_store(*state);
+    store_close(second);
+}
+
+static void test_store__queued_jobs_are_recovered_oldest_first_at_their_attempt(void **state)
+{
+    struct store *store = open_store(*state);
+    struct job a, b;
+    struct found found;
+    add_job(store, &a);
+    add_job(store, &b);
+    store_close(store);
+    store = open_store(*state);
+    assert_int_equal(recover(store, &found), 2);
+    assert_string_equal(found.last.id, b.id);
+    assert_int_equal(found.last.revision.attempt, 1);
+    assert_int_equal(found.last.crashes, 0);
+    store_close(store);
+}
+
+static void test_store__a_crash_requeues_at_the_next_attempt_and_the_third_fails(void **state)
+{
+    struct store *store = open_store(*state);
+    struct job job, back;
+    struct found found;
+    add_job(store, &job);
+    for (unsigned crash = 1; crash <= 3; crash++) {
+        start_job(store, &job);
+        store_close(store); /* nobody wrote an end: the daemon died */
+        store = open_store(*state);
+        size_t queued = recover(store, &found);
+        assert_int_equal(count_entries(*state, "results"), 0); /* half a result is no result */
+        if (crash < 3) {
+            assert_int_equal(queued, 1);
+            assert_int_equal(found.last.revision.attempt, crash + 1);
+            assert_int_equal(found.last.crashes, crash);
+            job.revision = (struct revision){crash + 1, 1};
+        } else {
+            assert_int_equal(queued, 0);
+        }
+    }
+    get_job(store, job.id, &back);
+    assert_int_equal(back.status, JOB_FAILED);
+    assert_int_equal(back.finished_ms, 5000);
+    assert_non_null(strstr(back.error, "\"worker-crash\""));
+    assert_true(revision_compare(back.revision, job.revision) > 0);
+    job_done(&back);
+    store_close(store);
+}
+
+static void test_store__a_requeue_is_no_crash(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job, back;
+    add_job(store, &job);
+    for (uint32_t i = 1; i <= 5; i++) {
+        start_job(store, &job);
+        assert_int_equal(store_job_requeue(store, &job, &problem), 0);
+        job.revision = (struct revision){i + 1, 1};
+    }
+    get_job(store, job.id, &back);
+    assert_int_equal(back.status, JOB_QUEUED);
+    assert_int_equal(back.revision.attempt, 6);
+    assert_int_equal(back.crashes, 0);
+    job_done(&back);
+    store_close(store);
+}
+
+static void test_store__a_cancel_that_a_crash_cut_short_holds(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job, back;
+    struct found found;
+    add_job(store, &job);
+    start_job(store, &job);
+    assert_int_equal(store_job_cancel_running(store, &job, &problem), 0);
+    store_close(store);
+    store = open_store(*state);
+    assert_int_equal(recover(store, &found), 0);
+    get_job(store, job.id, &back);
+    assert_int_equal(back.status, JOB_CANCELED);
+    job_done(&back);
+    store_close(store);
+}
+
+static void test_store__of_two_racing_writes_one_wins(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job;
+    add_job(store, &job);
+    assert_int_equal(store_job_cancel_running(store, &job, &problem), STORE_NONE); /* it does not run */
+    start_job(store, &job);
+    assert_int_equal(store_job_start(store, &job, &problem), STORE_NONE);
+    assert_int_equal(store_job_cancel_queued(store, &job, &problem), STORE_NONE);
+    job.status = JOB_SUCCEEDED;
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    job.status = JOB_FAILED;
+    assert_int_equal(store_job_finish(store, &job, &problem), STORE_NONE);
+    assert_int_equal(store_job_requeue(store, &job, &problem), STORE_NONE);
+    store_close(store);
+}
+
+static void test_store__a_stale_attempt_writes_nothing_and_harms_no_result(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job stale, job, back;
+    int fd;
+    uint64_t bytes;
+    add_job(store, &job);
+    start_job(store, &job);
+    stale = job;
+    assert_int_equal(store_job_requeue(store, &job, &problem), 0);
+    job.revision = (struct revision){2, 1};
+    start_job(store, &job);
+    job.status = JOB_SUCCEEDED;
+    strcpy(job.verdict, "at-rest");
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    /* The first attempt wakes up, with a result of its own. */
+    assert_int_equal(store_results_begin(store, stale.id, 1, &fd, &problem), 0);
+    close(fd);
+    stale.status = JOB_SUCCEEDED;
+    strcpy(stale.verdict, "slid-off");
+    assert_int_equal(store_job_finish(store, &stale, &problem), STORE_NONE);
+    get_job(store, job.id, &back);
+    assert_string_equal(back.verdict, "at-rest");
+    assert_int_equal(back.revision.attempt, 2);
+    assert_int_equal(store_result_open(store, job.id, 2, "result.json", &fd, &bytes, &problem), 0);
+    assert_int_equal(bytes, 2);
+    close(fd);
+    assert_int_equal(store_result_open(store, job.id, 1, "result.json", &fd, &bytes, &problem), STORE_NONE);
+    job_done(&back);
+    store_close(store);
+}
+
+static void test_store__results_outlive_a_restart_and_orphans_do_not(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job, cut;
+    struct found found;
+    int fd;
+    uint64_t bytes;
+    add_job(store, &job);
+    start_job(store, &job);
+    job.status = JOB_SUCCEEDED;
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    add_job(store, &cut);
+    start_job(store, &cut);
+    store_close(store);
+    char path[256];
+    snprintf(path, sizeof path, "%s/jobs/0123.json", (char *)*state);
+    close(open(path, O_CREAT | O_WRONLY, 0600));
+    snprintf(path, sizeof path, "%s/meshes/%064d.77.tmp", (char *)*state, 0);
+    close(open(path, O_CREAT | O_WRONLY, 0600));
+    store = open_store(*state);
+    recover(store, &found);
+    assert_int_equal(count_entries(*state, "jobs"), 2);
+    assert_int_equal(count_entries(*state, "results"), 1);
+    assert_int_equal(count_entries(*state, "meshes"), 0);
+    assert_int_equal(store_result_open(store, job.id, 1, "result.json", &fd, &bytes, &problem), 0);
+    close(fd);
+    store_close(store);
+}
+
+static void test_store__removal_takes_the_files_and_leaves_a_tombstone(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job, back;
+    add_job(store, &job);
+    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_NONE); /* it has not ended */
+    start_job(store, &job);
+    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_NONE);
+    job.status = JOB_SUCCEEDED;
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    assert_int_equal(store_job_remove(store, job.id, 1, &problem), 0);
+    assert_int_equal(store_job_get(store, job.id, &back, &problem), STORE_GONE);
+    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_GONE);
+    assert_int_equal(store_job_get(store, "00000000000000000000000000000000", &back, &problem), STORE_NONE);
+    assert_int_equal(count_entries(*state, "jobs"), 0);
+    assert_int_equal(count_entries(*state, "results"), 0);
+    store_close(store);
+}
+
+static void test_store__lists_come_in_pages_newest_first_and_filtered(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job;
+    struct found found = {0};
+    struct store_filter filter = {.status = -1, .before = INT64_MAX, .limit = 3};
+    char first[ID_SIZE] = "";
+    int64_t last;
+    bool more;
+    for (int i = 0; i < 7; i++) {
+        add_job(store, &job);
+        if (i == 0)
+            strcpy(first, job.id);
+    }
+    size_t pages = 0;
+    do {
+        assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
+        filter.before = last;
+        pages++;
+    } while (more);
+    assert_int_equal(pages, 3);
+    assert_int_equal(found.count, 7);
+    assert_string_equal(found.last.id, first);
+    filter = (struct store_filter){.status = JOB_RUNNING, .before = INT64_MAX, .limit = 3};
+    found.count = 0;
+    assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
+    assert_int_equal(found.count, 0);
+    struct job labelled = {.revision = {1, 1}, .labels = strdup("{\"order\":\"4711\",\"x\":\"y\"}")};
+    id_new(labelled.id);
+    assert_int_equal(store_job_add(store, &labelled, "{}", 2, &problem), 0);
+    filter = (struct store_filter){-1, "order", "4711", INT64_MAX, 3};
+    assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
+    assert_int_equal(found.count, 1);
+    assert_string_equal(found.last.id, labelled.id);
+    filter.label_value = "471";
+    assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
+    assert_int_equal(found.count, 1);
+    job_done(&labelled);
+    store_close(store);
+}
+
+static void test_store__meshes_keep_their_first_bytes(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct store_mesh mesh = {.format = 2, .bytes = 3, .vertices = 4, .triangles = 5}, back;
+    int fd;
+    char data[4] = "";
+    sha256_hex("abc", 3, mesh.sha256);
+    assert_string_equal(mesh.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    assert_int_equal(store_mesh_get(store, mesh.sha256, &back, &problem), STORE_NONE);
+    assert_int_equal(store_mesh_open(store, mesh.sha256, &fd, &problem), STORE_NONE);
+    assert_int_equal(store_mesh_add(store, &mesh, "abc", 1, &problem), 0);
+    mesh.vertices = 99;
+    assert_int_equal(store_mesh_add(store, &mesh, "abc", 2, &problem), 0);
+    assert_int_equal(store_mesh_get(store, mesh.sha256, &back, &problem), 0);
+    assert_int_equal(back.vertices, 4);
+    assert_int_equal(back.format, 2);
+    assert_int_equal(store_mesh_open(store, mesh.sha256, &fd, &problem), 0);
+    assert_int_equal(read(fd, data, 4), 3);
+    assert_string_equal(data, "abc");
+    close(fd);
+    store_close(store);
+}
+
+/* A file size limit stands in for a full disk. */
+static void test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job = {.revision = {1, 1}}, back;
+    struct rlimit old, small = {1000, RLIM_INFINITY};
+    char *document = calloc(1, 5000);
+    id_new(job.id);
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    small.rlim_max = old.rlim_max;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
+    int added_file = store_job_add(store, &job, document, 5000, &problem); /* the document fails */
+    enum problem_code code_file = problem.code;
+    int added_row = store_job_add(store, &job, document, 10, &problem); /* the database does */
+    enum problem_code code_row = problem.code;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
+    assert_int_equal(added_file, -1);
+    assert_int_equal(code_file, PROBLEM_STORAGE);
+    assert_int_equal(added_row, -1);
+    assert_int_equal(code_row, PROBLEM_STORAGE);
+    assert_int_equal(count_entries(*state, "jobs"), 0);
+    assert_int_equal(store_job_get(store, job.id, &back, &problem), STORE_NONE);
+    assert_int_equal(store_job_add(store, &job, document, 5000, &problem), 0); /* normal once relieved */
+    free(document);
+    store_close(store);
+}
+
+static void test_store__a_finish_may_be_tried_again_after_a_refusal(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job job;
+    struct rlimit old, small = {1000, RLIM_INFINITY};
+    int fd;
+    uint64_t bytes;
+    add_job(store, &job);
+    start_job(store, &job);
+    job.status = JOB_SUCCEEDED;
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    small.rlim_max = old.rlim_max;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
+    int finished = store_job_finish(store, &job, &problem);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
+    assert_int_equal(finished, -1);
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    assert_int_equal(store_result_open(store, job.id, 1, "result.json", &fd, &bytes, &problem), 0);
+    close(fd);
+    store_close(store);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_new, scratch_free)
+    const struct CMUnitTest tests[] = {
+        TEST(test_store__a_job_comes_back_as_it_was_added),
+        TEST(test_store__a_second_daemon_is_kept_out),
+        TEST(test_store__queued_jobs_are_recovered_oldest_first_at_their_attempt),
+        TEST(test_store__a_crash_requeues_at_the_next_attempt_and_the_third_fails),
+        TEST(test_store__a_requeue_is_no_crash),
+        TEST(test_store__a_cancel_that_a_crash_cut_short_holds),
+        TEST(test_store__of_two_racing_writes_one_wins),
+        TEST(test_store__a_stale_attempt_writes_nothing_and_harms_no_result),
+        TEST(test_store__results_outlive_a_restart_and_orphans_do_not),
+        TEST(test_store__removal_takes_the_files_and_leaves_a_tombstone),
+        TEST(test_store__lists_come_in_pages_newest_first_and_filtered),
+        TEST(test_store__meshes_keep_their_first_bytes),
+        TEST(test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left),
+        TEST(test_store__a_finish_may_be_tried_again_after_a_refusal),
+    };
+    id_init();
+    log_open(LOG_LEVEL_ERROR);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
