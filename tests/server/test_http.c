@@ -161,7 +161,7 @@ static void say(int fd, const char *text)
     assert_int_equal(send(fd, text, strlen(text), MSG_NOSIGNAL), strlen(text));
 }
 
-/* Everything until the server closes; the caller lets go of it before the next call. */
+/* Everything until the server closes, which must not be by a reset; lent until the next call. */
 static const char *hear(int fd)
 {
     static char text[65536];
@@ -170,6 +170,7 @@ static const char *hear(int fd)
     while (n < sizeof text - 1 && (got = recv(fd, text + n, sizeof text - 1 - n, 0)) > 0)
         n += (size_t)got;
     text[n] = '\0';
+    assert_int_equal(got, 0);
     close(fd);
     return text;
 }
@@ -440,7 +441,7 @@ static void test_http__an_answer_survives_bytes_that_were_never_read(void **stat
         say(fd, "POST /x HTTP/1.1\r\n" HOST "Content-Length: 100000\r\n\r\n");
         pause_ms(5); /* the server has refused and closed by now; more arrives all the same */
         for (int j = 0; j < 20; j++)
-            send(fd, "unwanted", 8, MSG_NOSIGNAL);
+            assert_int_equal(send(fd, "unwanted", 8, MSG_NOSIGNAL), 8);
         assert_int_equal(strncmp(hear(fd), "HTTP/1.1 413", 12), 0);
         http_tick(rig->http);
     }

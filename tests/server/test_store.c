@@ -278,6 +278,10 @@ static void test_store__results_outlive_a_restart_and_orphans_do_not(void **stat
     close(open(path, O_CREAT | O_WRONLY, 0600));
     snprintf(path, sizeof path, "%s/meshes/%064d.77.tmp", (char *)*state, 0);
     close(open(path, O_CREAT | O_WRONLY, 0600));
+    snprintf(path, sizeof path, "%s/jobs/%s.json.77.tmp", (char *)*state, job.id);
+    close(open(path, O_CREAT | O_WRONLY, 0600));
+    snprintf(path, sizeof path, "%s/results/%s.2", (char *)*state, job.id); /* of no attempt that ended */
+    assert_int_equal(mkdir(path, 0700), 0);
     store = open_store(*state);
     recover(store, &found);
     assert_int_equal(count_entries(*state, "jobs"), 2);

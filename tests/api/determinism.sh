@@ -1,0 +1,37 @@
+#!/bin/bash
+# The same job gives the same bytes, alone on one worker and beside others on two.
+. "$(dirname "$0")/lib.sh"
+square 16 '.bodies = [{sphere: {center: [0.1, -0.08, 0.1], radius: 0.05}, offset: 0.003}] | del(.cloth.pins)' >"$work/job"
+square 12 '.solver.stop_on = "potential"' >"$work/other"
+# Seconds are the one column that differs from run to run.
+without_seconds() { cut -d, -f1,3- "$1"; }
+
+# drape_copies NAME WORKERS COPIES
+drape_copies() {
+    local name=$1 workers=$2 copies=$3 ids=() i
+    data=$work/data-$name
+    start_daemon --workers "$workers"
+    for ((i = 0; i < copies; i++)); do
+        submit "$work/job"; ids+=("$id")
+        ((copies > 1)) && submit "$work/other"
+    done
+    for ((i = 0; i < copies; i++)); do
+        wait_for "${ids[i]}" succeeded 120
+        for format in json obj ply glb; do
+            curl -s "$url/v1/jobs/${ids[i]}/result?format=$format" >"$work/$name-$i.$format"
+        done
+        curl -s "$url/v1/jobs/${ids[i]}/trace?format=csv" >"$work/$name-$i.csv"
+    done
+    stop_daemon
+}
+drape_copies alone 1 1
+drape_copies busy 2 4
+json 'the reference is a drape' '(.positions | length) == 867 and .verdict != null' "$work/alone-0.json"
+for ((i = 0; i < 4; i++)); do
+    for format in json obj ply glb; do
+        check "copy $i of four on two workers: the same $format" cmp "$work/alone-0.$format" "$work/busy-$i.$format"
+    done
+    is "copy $i: the same trace" "$(without_seconds "$work/busy-$i.csv" | sha256sum)" \
+        "$(without_seconds "$work/alone-0.csv" | sha256sum)"
+done
+finish

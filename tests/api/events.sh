@@ -1,0 +1,86 @@
+#!/bin/bash
+# The event stream of a job: order, numbering, resuming, and what an idle one costs.
+. "$(dirname "$0")/lib.sh"
+start_daemon --workers 1
+
+# as_json FILE: an event stream as a JSON array of {event, id, data}.
+as_json() {
+    awk '/^event: / {event = substr($0, 8)} /^id: / {id = substr($0, 5)} /^data: / {data = data substr($0, 7)}
+        /^$/ {if (event != "") printf "{\"event\":\"%s\",\"id\":\"%s\",\"data\":%s}\n", event, id, data == "" ? "null" : data
+              event = ""; data = ""}' "$1" | jq -s .
+}
+
+endless 24 ' | .solver.max_iterations = 300' >"$work/job"
+submit "$work/job"
+curl -sN --max-time 60 -D "$headers" "$url/v1/jobs/$id/events" >"$work/stream"
+is 'the server ends the stream after the end' "$?" 0
+like 'its type is text/event-stream' "$(header content-type)" '^text/event-stream'
+is 'proxies are asked not to buffer' "$(header x-accel-buffering)" no
+like 'caches are asked not to store' "$(header cache-control)" 'no-store'
+as_json "$work/stream" >"$work/events"
+json 'the first event is the state' '.[0].event == "state"' "$work/events"
+json 'then there is progress' 'any(.[]; .event == "progress")' "$work/events"
+json 'the last event is the end' '.[-1].event == "end" and ([.[] | select(.event == "end")] | length == 1)' "$work/events"
+json 'there are no other kinds' 'all(.[]; .event | IN("state", "progress", "end"))' "$work/events"
+json 'ids are revisions and rise' '[.[].id | split(".") | map(tonumber)] | . == (unique) and length > 2' "$work/events"
+json 'progress tells iterations in order' '[.[] | select(.event == "progress") | .data | (.progress // .).iteration]
+    | . == sort' "$work/events"
+request GET "/v1/jobs/$id"
+check 'the end tells the truth of the job' jq -e --slurpfile job "$body" \
+    '.[-1] | .id == $job[0].revision and .data.status == $job[0].status and .data.verdict == $job[0].verdict' "$work/events"
+seconds=$(jq -r '.report.seconds' "$body")
+check 'progress comes at most four times a second' jq -e --argjson s "$seconds" \
+    '[.[] | select(.event == "progress")] | length <= 4 * $s + 2' "$work/events"
+
+last=$(jq -r '.[-1].id' "$work/events")
+first=$(jq -r '.[0].id' "$work/events")
+request GET "/v1/jobs/$id/events" -H "Last-Event-ID: $last"
+is 'whoever has seen the end gets 204' "$code" 204
+curl -sN --max-time 30 -H "Last-Event-ID: $first" "$url/v1/jobs/$id/events" >"$work/stream"
+as_json "$work/stream" >"$work/again"
+check 'whoever missed it gets the end' jq -e '.[-1].event == "end"' "$work/again"
+check 'and nothing that was seen before' jq -e --arg first "$first" 'all(.[]; .id != $first)' "$work/again"
+
+# A stream resumed in the middle, by a client that was cut off.
+endless 24 ' | .solver.max_iterations = 1000' >"$work/job"
+submit "$work/job"
+curl -sN --max-time 1 "$url/v1/jobs/$id/events" >"$work/stream"
+as_json "$work/stream" >"$work/before"
+last=$(jq -r '.[-1].id' "$work/before")
+curl -sN --max-time 60 -H "Last-Event-ID: $last" "$url/v1/jobs/$id/events" >"$work/stream"
+as_json "$work/stream" >"$work/after"
+check 'resuming goes on behind the last id' jq -e --arg last "$last" \
+    '($last | split(".") | map(tonumber)) as $l | all(.[]; (.id | split(".") | map(tonumber)) > $l)' "$work/after"
+check 'until the end' jq -e '.[-1].event == "end"' "$work/after"
+request GET "/v1/jobs/$id/events" -H 'Last-Event-ID: rubbish' --max-time 20
+like 'an id that is none starts afresh or is refused' "$code" '^(200|400)$'
+
+# Two watchers of one job see the same end; a third hangs up and harms nobody.
+endless 24 ' | .solver.max_iterations = 200' >"$work/job"
+submit "$work/job"
+curl -sN --max-time 60 "$url/v1/jobs/$id/events" >"$work/a" & a=$!
+curl -sN --max-time 60 "$url/v1/jobs/$id/events" >"$work/b" & b=$!
+curl -sN --max-time 0.3 "$url/v1/jobs/$id/events" >/dev/null
+wait $a $b
+is 'two watchers see the same end' "$(grep -A2 '^event: end' "$work/a")" "$(grep -A2 '^event: end' "$work/b")"
+
+# An idle stream (a queued job) costs no processor time: suspended, not spinning.
+endless >"$work/job"
+submit "$work/job"; running=$id
+square 4 >"$work/small"
+submit "$work/small"; queued=$id
+for i in 1 2 3 4 5 6 7 8; do curl -sN --max-time 30 "$url/v1/jobs/$queued/events" >"$work/idle$i" & done
+sleep 0.5
+check 'a watcher of a queued job is told so' grep -q '"status":"queued"' "$work/idle1"
+request DELETE "/v1/jobs/$queued"; is 'a queued job can be cancelled' "$code" 202
+wait_for "$queued" canceled
+sleep 0.5
+check 'and its watchers see the end' grep -q '^event: end' "$work/idle8"
+request DELETE "/v1/jobs/$running"
+wait_for "$running" canceled
+submit "$work/job"
+curl -sN --max-time 30 "$url/v1/jobs/$id/events" >"$work/stream" & stream=$!
+wait_for "$id" running
+stop_daemon; is 'SIGTERM with a stream open ends the daemon with status 0' "$status" 0
+wait $stream; is 'and ends the stream in order' "$?" 0
+finish

@@ -1,0 +1,37 @@
+#!/bin/bash
+# A short session with every kind of request once, small enough to run under each sanitizer.
+. "$(dirname "$0")/lib.sh"
+start_daemon --workers 2
+
+request GET "$admin/livez"; is 'livez answers 200' "$code" 200
+request GET "$admin/readyz"; is 'readyz answers 200' "$code" 200
+
+square 8 '.name = "smoke"' >"$work/job"
+submit "$work/job"; is 'a job is accepted' "$code" 202
+first=$id
+square 6 '.pins = [1]' >"$work/bad"
+submit "$work/bad"; problem 'an unknown member is refused' 422 invalid /pins
+printf '{"cloth":' >"$work/bad"
+submit "$work/bad"; problem 'half a document is refused' 400 bad-json
+curl -sN --max-time 120 "$url/v1/jobs/$first/events" >"$work/events"
+check 'the event stream ends with the job' grep -q '^event: end' "$work/events"
+check 'the job succeeds' wait_for "$first" succeeded 120
+for format in json obj glb; do
+    request GET "/v1/jobs/$first/result?format=$format"; is "the result comes as $format" "$code" 200
+done
+for format in json csv svg; do
+    request GET "/v1/jobs/$first/trace?format=$format"; is "the trace comes as $format" "$code" 200
+done
+request GET /v1/jobs; is 'jobs are listed' "$code" 200
+request GET /v1/materials; is 'materials are listed' "$code" 200
+request GET /v1/info; is 'info is given' "$code" 200
+request GET "$admin/metrics"; is 'metrics are given' "$code" 200
+
+endless 10 >"$work/job"
+submit "$work/job"; running=$id
+check 'a long job runs' wait_for "$running" running 60
+request DELETE "/v1/jobs/$running"; is 'it can be cancelled' "$code" 202
+check 'and is' wait_for "$running" canceled 60
+submit "$work/job"; check 'another one runs' wait_for "$id" running 60
+stop_daemon; is 'SIGTERM in the middle of it ends the daemon with status 0' "$status" 0
+finish

@@ -1,0 +1,74 @@
+#!/bin/bash
+# Waiting for a job within a request, and cancelling it while it is queued, running and over.
+. "$(dirname "$0")/lib.sh"
+start_daemon --workers 1
+now() { echo "${EPOCHREALTIME/[.,]/}"; } # microseconds
+
+endless >"$work/long"
+square 6 >"$work/small"
+submit "$work/long"; running=$id
+check 'the first job runs' wait_for "$running" running
+submit "$work/small"; queued=$id
+json 'the second waits in the queue' '.status == "queued" and .queue_position == 1'
+submit "$work/small"; second=$id
+json 'and the third behind it' '.status == "queued" and .queue_position == 2'
+
+from=$(now)
+request POST /v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=1' --data-binary "@$work/small"
+took=$(($(now) - from))
+is 'Prefer: wait that ran out answers 202' "$code" 202
+check "after about the second it asked for ($((took / 1000)) ms)" test "$took" -ge 900000 -a "$took" -lt 6000000
+third=$(jq -r .id "$body")
+
+request GET "/v1/jobs/$queued"
+etag=$(header etag)
+from=$(now)
+request GET "/v1/jobs/$queued" -H "If-None-Match: $etag" -H 'Prefer: wait=1'
+took=$(($(now) - from))
+like 'a long poll of an unchanged job answers' "$code" '^(200|304)$'
+check "after its time ($((took / 1000)) ms)" test "$took" -ge 500000 -a "$took" -lt 6000000
+(sleep 0.5; curl -s -X DELETE "$url/v1/jobs/$queued" >/dev/null) &
+from=$(now)
+request GET "/v1/jobs/$queued" -H "If-None-Match: $etag" -H 'Prefer: wait=20'
+took=$(($(now) - from))
+is 'a long poll answers 200 when the job changes' "$code" 200
+json 'with the change' '.status == "canceled" and .verdict == null'
+check "at once ($((took / 1000)) ms)" test "$took" -lt 8000000
+wait $!
+request GET "/v1/jobs/$second"; json 'those behind move up' '.queue_position == 1'
+request GET "/v1/jobs/$queued/result"; problem 'a job cancelled in the queue has no result' 409 no-result
+
+from=$(now)
+request DELETE "/v1/jobs/$running"
+is 'cancelling a running job answers 202' "$code" 202
+wait_for "$running" canceled 30
+took=$(($(now) - from))
+check "and it stops soon ($((took / 1000)) ms)" test "$took" -lt 10000000
+request DELETE "/v1/jobs/$running"; is 'cancelling again, now that it has ended, removes it' "$code" 204
+request DELETE "/v1/jobs/$running"; is 'and once more does no harm' "$code" 204
+check 'the next one runs and succeeds' wait_for "$second" succeeded
+check 'and the next' wait_for "$third" succeeded
+request GET "/v1/jobs/$third"
+etag=$(header etag)
+from=$(now)
+request GET "/v1/jobs/$third" -H "If-None-Match: $etag" -H 'Prefer: wait=20'
+took=$(($(now) - from))
+check "nobody waits for a job that is over ($((took / 1000)) ms)" test "$took" -lt 5000000
+request POST /v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=rubbish' --data-binary "@$work/small"
+is 'a preference that is none is ignored' "$code" 202
+
+# Many cancels against many ends: each job ends in one state and stays there.
+ids=()
+for i in {1..12}; do
+    submit "$work/small"; ids+=("$id")
+    (sleep "0.0$((i * 7 % 10))"; curl -s -o /dev/null -X DELETE "$url/v1/jobs/$id") &
+done
+wait $(jobs -p | grep -vx "$pid")
+odd=0
+for id in "${ids[@]}"; do
+    request GET "/v1/jobs/$id"
+    [[ $code =~ ^(404|410)$ ]] && continue # ended before the DELETE, which then removed it
+    wait_for "$id" 'succeeded|canceled' 60 || odd=$((odd + 1))
+done
+is 'of twelve races between cancel and end none is left open' "$odd" 0
+finish
