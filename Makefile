@@ -93,9 +93,12 @@ folder = $(patsubst %/,%,$(dir $(1)))
 .PHONY: all
 all: $(BIN)/draped $(BIN)/drape ## build build/draped and build/drape (the default)
 
+# One word and a file for each step; V=1 shows whole commands.
+Q = $(if $(V),,@echo '  $(1)  $@' &&)
+
 $(OBJ)/%.o: %.c
 	@mkdir -p $(@D)
-	$(CC) $(ALLFLAGS) $(INC_$(call folder,$<)) -c $< -o $@
+	$(call Q,CC)$(CC) $(ALLFLAGS) $(INC_$(call folder,$<)) -c $< -o $@
 
 # assets.c embeds it, which -MMD does not see.
 $(OBJ)/server/assets.o: server/openapi.json
@@ -106,9 +109,9 @@ $(OBJ)/client.a: $(CLIENT_OBJ)
 $(OBJ)/%.a:
 	@mkdir -p $(@D)
 	@rm -f $@
-	ar rcs $@ $^
+	$(call Q,AR)ar rcs $@ $^
 
-LINK = @mkdir -p $(@D) && echo '$(CC) -o $@' && $(CC) $(OPT) $(SAN) -pthread $(LDFLAGS) -o $@ $^
+LINK = @mkdir -p $(@D) && $(if $(V),set -x;,echo '  LD  $@' &&) $(CC) $(OPT) $(SAN) -pthread $(LDFLAGS) -o $@ $^
 
 $(BIN)/draped: $(OBJ)/server/main.o $(OBJ)/server.a $(OBJ)/libdrape.a
 	$(LINK) $(SERVER_LIBS)
