@@ -11,7 +11,7 @@ static char message[256];
 
 static int parse(const char *a, const char *b)
 {
-    char name[] = "draped", first[256], second[256];
+    static char name[] = "draped", first[256], second[256]; /* config points into them */
     char *argv[] = {name, first, second, NULL};
     snprintf(first, sizeof first, "%s", a ? a : "");
     snprintf(second, sizeof second, "%s", b ? b : "");
