@@ -12,6 +12,7 @@ static const struct cli_command commands[] = {
     {"example", "print a complete job: square, arc, skirt or garment", command_example},
     {"scene", "print a job made of garment, seam and body files", command_scene},
     {"run", "submit a job, show how it goes, fetch the drape", command_run},
+    {"compare", "solve a job by several methods and report what each costs", command_compare},
     {"submit", "submit a job and print its id", command_submit},
     {"watch", "follow a job to its end", command_watch},
     {"status", "show where a job stands", command_status},

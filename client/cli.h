@@ -43,7 +43,7 @@ int cli_connect(const struct cli *cli, struct http **ret, struct failure *failur
 
 /* The table's rows; each is in the command_*.c file of its group. */
 cli_command_fn command_example, command_scene, command_picture;                 /* make and show files */
-cli_command_fn command_run, command_submit, command_watch;                      /* drape */
+cli_command_fn command_run, command_submit, command_watch, command_compare;     /* drape */
 cli_command_fn command_status, command_cancel, command_list, command_materials; /* ask */
 cli_command_fn command_result, command_trace;                                   /* fetch */
 

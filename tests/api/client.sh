@@ -19,7 +19,7 @@ out() { tail -n 1 "$work/out"; }
 # ---- help
 run 'drape --help' 0 "$DRAPE" --help
 commands=$(sed -n 's/^  \([a-z]*\)  .*/\1/p' "$work/out")
-for command in example scene run submit status watch result trace cancel list materials picture; do
+for command in example scene run submit status watch result trace compare cancel list materials picture; do
     check "names $command" grep -qx "$command" <<<"$commands"
     run "drape $command --help" 0 "$DRAPE" "$command" --help
 done

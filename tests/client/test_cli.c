@@ -55,8 +55,8 @@ static int drape(const char *line)
 
 static void test_cli__every_command_has_help(void **state)
 {
-    const char *const names[] = {"",       "example", "scene",  "run",  "submit",    "watch",  "status",
-                                 "result", "trace",   "cancel", "list", "materials", "picture"};
+    const char *const names[] = {"",       "example", "scene",  "run",  "submit",    "watch",   "status",
+                                 "result", "trace",   "cancel", "list", "materials", "picture", "compare"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char line[64];
@@ -98,6 +98,17 @@ static void test_cli__wrong_arguments_exit_with_1_and_say_why(void **state)
         {"result j1 -f stl", "glb, obj, ply or json"},
         {"trace j1 -f glb", "csv, json or svg"},
         {"picture job.json", "needed"},
+        {"compare --methods auto", "which JOB"},
+        {"compare job.json", "which methods"},
+        {"compare job.json --methods auto,", "is not a method"},
+        {"compare job.json --methods auto:time_step=1", "give --method NAME:MEMBER=VALUE"},
+        {"compare job.json --method auto:time_step", "\"auto:time_step\" is not a method"},
+        {"compare job.json --methods auto -m auto", "given twice"},
+        {"compare job.json --methods a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q", "at most 16"},
+        {"compare job.json --methods auto -o report.pdf", "ends in .html"},
+        {"compare job.json --methods auto --csv report.html", "ends in .csv"},
+        {"compare /nowhere.json --methods auto", "/nowhere.json"},
+        {"compare /dev/null --methods auto", "not a job"},
         {"list --url nowhere", "http://"},
         {"--bogus list", "bogus"},
     };
