@@ -25,7 +25,8 @@ TESTS       := $(TEST_SRC:tests/%.c=$(TBIN)/%)
 FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
-ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c
+ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c \
+           $(wildcard tests/stability/*.c tests/bench/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -72,18 +73,20 @@ ALLFLAGS = $(CSTD) $(OPT) $(SAN) $(WARN) $(if $(WERROR),-Werror) -MMD -MP -pthre
 # libgomp: the solver turns off the OpenMP nesting that CHOLMOD would use.
 SOLVER_LIBS = -lopenblas -lcholmod -lgomp -lm
 SERVER_LIBS = $(SOLVER_LIBS) $(call LIB,libmicrohttpd jansson sqlite3 libsodium libsystemd plplot) -lm
-CLIENT_LIBS = $(call LIB,libcurl jansson osmesa libpng) -lGLU -lm
+CLIENT_LIBS = $(call LIB,libcurl jansson osmesa libpng plplot) -lGLU -lm
 
 # Include paths by folder: who may see whose headers. The client sees nobody else's.
 # -iquote: our limits.h must not stand before the C library's <limits.h>.
 SUITESPARSE       := -isystem /usr/include/suitesparse
 INC_solver         = -iquote solver $(SUITESPARSE)
 INC_server         = -iquote server -iquote solver $(call PKG,libmicrohttpd jansson sqlite3 libsodium libsystemd plplot)
-INC_client         = -iquote client $(call PKG,libcurl jansson osmesa libpng)
+INC_client         = -iquote client $(call PKG,libcurl jansson osmesa libpng plplot)
 INC_tests/solver   = -iquote tests $(INC_solver)
 INC_tests/physics  = -iquote tests -iquote solver
 INC_tests/server   = -iquote tests $(INC_server)
 INC_tests/client   = -iquote tests $(INC_client)
+INC_tests/stability = $(INC_tests/physics)
+INC_tests/bench     = -iquote solver
 INC_tests/fuzz     = -iquote tests $(INC_server)
 INC_tests/api      =
 folder = $(patsubst %/,%,$(dir $(1)))
@@ -127,6 +130,13 @@ $(TBIN)/solver/%: $(OBJ)/tests/solver/%.o $(OBJ)/libdrape.a
 $(TBIN)/physics/%: $(OBJ)/tests/physics/%.o $(OBJ)/libdrape.a
 	$(LINK) $(SOLVER_LIBS) -lcmocka
 
+# The stability suite: a short form among the physics tests and a long form of its own.
+STABILITY_OBJ := $(OBJ)/tests/stability/rows.o $(OBJ)/tests/stability/cases.o $(OBJ)/libdrape.a
+$(TBIN)/physics/test_stability: $(OBJ)/tests/physics/test_stability.o $(STABILITY_OBJ)
+	$(LINK) $(SOLVER_LIBS) -lcmocka
+$(TBIN)/stability: $(OBJ)/tests/stability/stability.o $(STABILITY_OBJ)
+	$(LINK) $(SOLVER_LIBS) -lcmocka
+
 $(TBIN)/server/%: $(OBJ)/tests/server/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 	$(LINK) $(SERVER_LIBS) -lcmocka
 
@@ -135,6 +145,9 @@ $(TBIN)/client/%: $(OBJ)/tests/client/%.o $(OBJ)/client.a
 
 $(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 	$(LINK) -fsanitize=fuzzer $(SERVER_LIBS)
+
+$(TBIN)/bench/%: $(OBJ)/tests/bench/%.o $(OBJ)/libdrape.a
+	$(LINK) $(SOLVER_LIBS)
 
 # What the API tests measure a drape with: shares no code with the solver.
 $(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
@@ -167,9 +180,21 @@ check: ## run every test; the last line is the count (CHECK="unit api" picks par
 	@tests/packages.sh check || { echo '0 passed, 1 failed'; exit 1; }
 	+@MAKE='$(MAKE) --no-print-directory $(JOBS) WERROR=1' tests/run.sh $(CHECK)
 
+.PHONY: check-stability
+check-stability: ## run every stability case under every method (minutes); the table lands in build/stability.txt
+	@tests/packages.sh build
+	+@$(MAKE) --no-print-directory $(JOBS) $(TBIN)/stability
+	@$(TBIN)/stability -j $$(nproc) -o build/stability.txt
+
 .PHONY: asan ubsan tsan
 asan ubsan tsan: ## build that flavour and run its unit tests and the API smoke test
 	+@MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/run.sh $@
+
+.PHONY: bench-methods
+bench-methods: ## count the factorisations of every method on 22 scenes (minutes); lands in build/bench-methods.md
+	@tests/packages.sh build
+	+@$(MAKE) --no-print-directory $(JOBS) $(TBIN)/bench/methods
+	@$(TBIN)/bench/methods | tee build/bench-methods.md
 
 .PHONY: cover
 cover: ## run the unit and physics tests with gcov; line coverage per file

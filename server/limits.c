@@ -6,7 +6,7 @@
 const struct limits limits_default = {
     /* A cloth of 200 000 vertices and a body as large, printed with 17 digits, come to about 55 MB. */
     .body_bytes = 64u << 20,
-    /* The deepest honest document (a motion's mesh in a body) has 6 levels; jansson recurses. */
+    /* The deepest honest document (a point of a material's curve) has 7 levels; jansson recurses. */
     .json_depth = 32,
     /* jansson holds 11 to 22 bytes per input byte of numbers: 8 M values stay below 1 GB. */
     .json_values = 8u << 20,

@@ -94,7 +94,9 @@ static double *make_normals(const drape_scene_desc *scene, const double *positio
 
 /* 9 significant digits tell any two 32-bit floats apart. */
 #define POSITION_DIGITS 9
-#define NORMAL_DIGITS   6
+/* The distance to rest is a difference of energies: all digits count. */
+#define TRACE_DIGITS  15
+#define NORMAL_DIGITS 6
 
 static void put_numbers(FILE *file, const char *member, const double *value, size_t n, int digits)
 {
@@ -169,7 +171,7 @@ static void put_row(FILE *file, const drape_row *row, const char *unknown)
         if (i > 0)
             fputc(',', file);
         if (isfinite(value[i]))
-            fprintf(file, "%.*g", POSITION_DIGITS, value[i]);
+            fprintf(file, "%.*g", TRACE_DIGITS, value[i]);
         else
             fputs(unknown, file);
     }
@@ -264,7 +266,7 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
                  {OUTPUT_TRACE_CSV, write_trace_csv, false}, {OUTPUT_TRACE_JSON, write_trace_json, false},
                  {OUTPUT_TRACE_SVG, write_trace_svg, false}};
     struct output output = {.spec = spec, .report = report, .mesh = spec->cloth, .row = row, .rows = rows};
-    bool result = spec->options.max_iterations > 0;
+    bool result = report->state.iteration > 0; /* the undraped start is no result */
     int rc = 0;
 
     output.mesh.positions = (double *)(uintptr_t)positions; /* only read */

@@ -37,13 +37,12 @@ static const struct member SCENE_MEMBER[] = {{"gravity", "gravity"},
                                              {"body", "bodies"},
                                              {"bodies", "bodies"},
                                              {NULL, NULL}};
-static const struct member OPTION_MEMBER[] = {{"method", "method"},
-                                              {"stop_on", "stop_on"},
-                                              {"time_step", "time_step"},
-                                              {"tolerance", "tolerance"},
-                                              {"max_iterations", "max_iterations"},
-                                              {"time_limit", "time_limit_s"},
-                                              {NULL, NULL}};
+static const struct member OPTION_MEMBER[] = {
+    {"method", "method"},           {"stop_on", "stop_on"},
+    {"integrator", "integrator"},   {"time_step", "time_step"},
+    {"air_damping", "damping/air"}, {"material_damping", "damping/material"},
+    {"tolerance", "tolerance"},     {"max_iterations", "max_iterations"},
+    {"time_limit", "time_limit_s"}, {NULL, NULL}};
 
 /* How an element of each place is found in the document: `stride` numbers an element in a flat array. */
 static const struct place {
@@ -200,15 +199,21 @@ static json_t *stop_on_json(const drape_report *report)
     return json_string(report->stop_on == DRAPE_STOP_ON_KINETIC ? "kinetic" : "potential");
 }
 
+static json_t *integrator_json(const drape_report *report)
+{
+    if (report->method != DRAPE_METHOD_STOP_AND_GO && report->method != DRAPE_METHOD_DYNAMIC)
+        return json_null();
+    return json_string(drape_integrator_name(report->integrator));
+}
+
 json_t *schema_report_json(const drape_report *report)
 {
     const drape_row *state = &report->state;
     json_t *object = json_object();
     int failed = json_object_set_new(object, "plan", plan_json(report));
-    failed |= json_object_set_new(
-        object, "method", json_string(report->method == DRAPE_METHOD_DYNAMIC ? "dynamic" : "stop-and-go"));
+    failed |= json_object_set_new(object, "method", json_string(drape_method_name(report->method)));
     failed |= json_object_set_new(object, "stop_on", stop_on_json(report));
-    failed |= json_object_set_new(object, "integrator", json_string("backward-euler"));
+    failed |= json_object_set_new(object, "integrator", integrator_json(report));
     failed |= json_object_set_new(object, "iterations", count(report->iterations));
     failed |= json_object_set_new(object, "stops", count(report->stops));
     failed |= json_object_set_new(object, "factorizations", count(report->factorizations));

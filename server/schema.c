@@ -253,7 +253,14 @@ static int read_mesh(struct reader *r, const json_t *object, const char *pointer
 /* ---- materials -------------------------------------------------------------------------------- */
 
 /* Members not given are NAN until fill_material(). */
-static const drape_material UNKNOWN = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+static const drape_material UNKNOWN = {.density = NAN,
+                                       .stretch_weft = NAN,
+                                       .stretch_warp = NAN,
+                                       .stretch_shear = NAN,
+                                       .poisson = NAN,
+                                       .bend_weft = NAN,
+                                       .bend_warp = NAN,
+                                       .bend_twist = NAN};
 
 static int read_preset(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
 {
@@ -268,17 +275,56 @@ static int read_preset(struct reader *r, const json_t *object, const char *point
     return 0;
 }
 
-/* A number (N/m), or in a later version a strain-stress curve. */
-static int get_stiffness(struct reader *r, const json_t *object, const char *pointer, const char *member,
-                         double *ret)
+/* The points of a strain-stress curve: pairs of a strain and a stress in N/m. Whether they make a curve
+ * is for drape_scene_check to say. */
+static int read_curve(struct reader *r, const json_t *array, const char *pointer, double **points,
+                      drape_curve *ret)
 {
-    if (json_is_array(json_object_get(object, member)))
-        return refuse(r, PROBLEM_UNSUPPORTED, pointer, member,
-                      "strain-stress curves are not done in this version: give one number");
-    return get_number(r, object, pointer, member, &POSITIVE, ret);
+    size_t n = json_array_size(array);
+    struct numbers pair;
+    char at[JSONTEXT_POINTER_BYTES];
+    if (n == 0)
+        return problem_at(r->problem, PROBLEM_INVALID, pointer, "a curve needs at least one point");
+    if (n > DRAPE_MAX_CURVE_POINTS)
+        return problem_at(r->problem, PROBLEM_TOO_LARGE, pointer, "%zu points, the limit is %d", n,
+                          DRAPE_MAX_CURVE_POINTS);
+    *points = malloc(2 * n * sizeof **points);
+    if (!*points)
+        return out_of_memory(r);
+    for (size_t i = 0; i < n; i++) {
+        element_pointer(at, sizeof at, pointer, i);
+        if (jsontext_get_numbers(&r->json, json_array_get(array, i), at, &pair, r->problem))
+            return -1;
+        if (pair.count != 2)
+            return problem_at(r->problem, PROBLEM_INVALID, at, "must be a strain and a stress in N/m");
+        memcpy(*points + 2 * i, pair.value, 2 * sizeof **points);
+    }
+    ret->points = n;
+    ret->point = *points;
+    return 0;
 }
 
-static int read_stretch(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+/* A number (N/m) or a strain-stress curve. Of a curve, *ret becomes the slope of its first step, which
+ * stands for the cloth where a default asks for one number. */
+static int get_stiffness(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                         double **points, drape_curve *ret_curve, double *ret)
+{
+    const json_t *value = json_object_get(object, member);
+    char at[JSONTEXT_POINTER_BYTES];
+    if (!json_is_array(value))
+        return get_number(r, object, pointer, member, &POSITIVE, ret);
+    jsontext_pointer(at, sizeof at, pointer, member);
+    if (read_curve(r, value, at, points, ret_curve))
+        return -1;
+    const double *p = ret_curve->point;
+    if (p[0] == 0 && ret_curve->points > 1)
+        p += 2;
+    *ret = p[1] / p[0];
+    return 0;
+}
+
+static int read_stretch(struct reader *r, const json_t *object, const char *pointer, double **points,
+                        drape_material *ret)
 {
     static const char *const MEMBERS[] = {"weft", "warp", "shear", NULL};
     char at[JSONTEXT_POINTER_BYTES];
@@ -286,10 +332,11 @@ static int read_stretch(struct reader *r, const json_t *object, const char *poin
     if (!stretch)
         return 0;
     jsontext_pointer(at, sizeof at, pointer, "stretch");
-    if (check_object(r, stretch, at, MEMBERS) || get_stiffness(r, stretch, at, "weft", &ret->stretch_weft) ||
-        get_stiffness(r, stretch, at, "warp", &ret->stretch_warp))
+    if (check_object(r, stretch, at, MEMBERS) ||
+        get_stiffness(r, stretch, at, "weft", points, &ret->curve_weft, &ret->stretch_weft) ||
+        get_stiffness(r, stretch, at, "warp", points + 1, &ret->curve_warp, &ret->stretch_warp))
         return -1;
-    return get_stiffness(r, stretch, at, "shear", &ret->stretch_shear);
+    return get_stiffness(r, stretch, at, "shear", points + 2, &ret->curve_shear, &ret->stretch_shear);
 }
 
 /* One number B stands for an isotropic plate; it replaces all three of a preset. */
@@ -326,8 +373,8 @@ static int fill_material(struct reader *r, const char *pointer, drape_material *
         const char *member;
         double value;
     } required[] = {{"density", m->density},
-                    {"stretch/weft", m->stretch_weft},
-                    {"stretch/warp", m->stretch_warp},
+                    {"stretch/weft", m->curve_weft.points ? 0 : m->stretch_weft},
+                    {"stretch/warp", m->curve_warp.points ? 0 : m->stretch_warp},
                     {"bend/weft", m->bend_weft},
                     {"bend/warp", m->bend_warp}};
     for (size_t i = 0; i < sizeof required / sizeof *required; i++)
@@ -338,14 +385,15 @@ static int fill_material(struct reader *r, const char *pointer, drape_material *
         }
     if (isnan(m->poisson))
         m->poisson = 0;
-    if (isnan(m->stretch_shear))
+    if (isnan(m->stretch_shear) && !m->curve_shear.points)
         m->stretch_shear = (m->stretch_weft + m->stretch_warp) / (4 * (1 + m->poisson));
     if (isnan(m->bend_twist))
         m->bend_twist = (m->bend_weft + m->bend_warp) / 4;
     return 0;
 }
 
-static int read_material(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+static int read_material(struct reader *r, const json_t *object, const char *pointer, double **points,
+                         drape_material *ret)
 {
     static const char *const MEMBERS[] = {"preset", "density", "stretch", "poisson", "bend", NULL};
     static const struct range POISSON = {-1 + DBL_EPSILON, 1 - DBL_EPSILON, "must be between -1 and 1"};
@@ -353,7 +401,7 @@ static int read_material(struct reader *r, const json_t *object, const char *poi
     if (check_object(r, object, pointer, MEMBERS) || read_preset(r, object, pointer, ret) ||
         get_number(r, object, pointer, "density", &POSITIVE, &ret->density) ||
         get_number(r, object, pointer, "poisson", &POISSON, &ret->poisson) ||
-        read_stretch(r, object, pointer, ret) || read_bend(r, object, pointer, ret))
+        read_stretch(r, object, pointer, points, ret) || read_bend(r, object, pointer, ret))
         return -1;
     return fill_material(r, pointer, ret);
 }
@@ -370,12 +418,13 @@ static int read_materials(struct reader *r, const json_t *cloth)
         return refuse(r, PROBLEM_TOO_LARGE, "/cloth", "materials", "%zu, the limit is %zu", n,
                       r->limits->materials);
     spec->material = calloc(n, sizeof *spec->material);
-    if (!spec->material)
+    spec->curve = calloc(3 * n, sizeof *spec->curve);
+    if (!spec->material || !spec->curve)
         return out_of_memory(r);
     spec->scene.materials = n;
     for (size_t i = 0; i < n; i++) {
         element_pointer(at, sizeof at, "/cloth/materials", i);
-        if (read_material(r, json_array_get(array, i), at, &spec->material[i]))
+        if (read_material(r, json_array_get(array, i), at, spec->curve + 3 * i, &spec->material[i]))
             return -1;
     }
     return 0;
@@ -542,12 +591,14 @@ static int read_bodies(struct reader *r, const json_t *root)
 static const struct choice METHOD[] = {{"auto", DRAPE_METHOD_AUTO, true},
                                        {"stop-and-go", DRAPE_METHOD_STOP_AND_GO, true},
                                        {"dynamic", DRAPE_METHOD_DYNAMIC, true},
-                                       {"quasi-static", 0, false},
-                                       {"newton", 0, false}};
+                                       {"quasi-static", DRAPE_METHOD_QUASI_STATIC, true},
+                                       {"newton", DRAPE_METHOD_NEWTON, true}};
 static const struct choice STOP_ON[] = {{"potential", DRAPE_STOP_ON_POTENTIAL, true},
                                         {"kinetic", DRAPE_STOP_ON_KINETIC, true}};
-static const struct choice INTEGRATOR[] = {
-    {"backward-euler", 0, true}, {"bdf2", 0, false}, {"implicit-midpoint", 0, false}, {"rk4", 0, false}};
+static const struct choice INTEGRATOR[] = {{"backward-euler", DRAPE_BACKWARD_EULER, true},
+                                           {"bdf2", DRAPE_BDF2, true},
+                                           {"implicit-midpoint", DRAPE_IMPLICIT_MIDPOINT, true},
+                                           {"rk4", DRAPE_RK4, true}};
 static const struct choice SELF_CONTACT[] = {{"auto", 0, true}, {"off", 0, true}, {"on", 0, false}};
 
 #define GET_CHOICE(r, object, pointer, member, table, ret)                                                   \
@@ -555,13 +606,14 @@ static const struct choice SELF_CONTACT[] = {{"auto", 0, true}, {"off", 0, true}
 
 static int read_words(struct reader *r, const json_t *solver, drape_options *ret)
 {
-    int method = (int)ret->method, stop_on = (int)ret->stop_on, integrator = 0;
+    int method = (int)ret->method, stop_on = (int)ret->stop_on, integrator = (int)ret->integrator;
     if (GET_CHOICE(r, solver, "/solver", "method", METHOD, &method) ||
         GET_CHOICE(r, solver, "/solver", "stop_on", STOP_ON, &stop_on) ||
         GET_CHOICE(r, solver, "/solver", "integrator", INTEGRATOR, &integrator))
         return -1;
     ret->method = (drape_method)method;
     ret->stop_on = (drape_stop_rule)stop_on;
+    ret->integrator = (drape_integrator)integrator;
     return 0;
 }
 
@@ -591,16 +643,25 @@ static int read_time_limit(struct reader *r, const json_t *solver, drape_options
     return 0;
 }
 
-static int read_damping(struct reader *r, const json_t *solver)
+static int read_damping(struct reader *r, const json_t *solver, drape_options *ret)
 {
     static const char *const MEMBERS[] = {"air", "material", NULL};
     const json_t *damping = json_object_get(solver, "damping");
     if (!damping)
         return 0;
     if (check_object(r, damping, "/solver/damping", MEMBERS) ||
-        get_zero(r, damping, "/solver/damping", "air"))
+        get_number(r, damping, "/solver/damping", "air", &NOT_NEGATIVE, &ret->air_damping))
         return -1;
-    return get_zero(r, damping, "/solver/damping", "material");
+    return get_number(r, damping, "/solver/damping", "material", &NOT_NEGATIVE, &ret->material_damping);
+}
+
+static int read_line_search(struct reader *r, const json_t *solver, drape_options *ret)
+{
+    const json_t *value = json_object_get(solver, "line_search");
+    if (value && !json_is_boolean(value))
+        return refuse(r, PROBLEM_INVALID, "/solver", "line_search", "must be true or false");
+    ret->line_search = value ? json_is_true(value) : ret->line_search;
+    return 0;
 }
 
 static int read_certify(struct reader *r, const json_t *solver)
@@ -615,9 +676,9 @@ static int read_certify(struct reader *r, const json_t *solver)
 
 static int read_solver(struct reader *r, const json_t *root)
 {
-    static const char *const MEMBERS[] = {"method",  "integrator", "stop_on",        "time_step",
-                                          "damping", "tolerance",  "max_iterations", "time_limit_s",
-                                          "certify", NULL};
+    static const char *const MEMBERS[] = {
+        "method",         "integrator",   "stop_on", "time_step",   "damping", "tolerance",
+        "max_iterations", "time_limit_s", "certify", "line_search", NULL};
     static const struct range TIME_STEP = {DRAPE_MIN_TIME_STEP, DRAPE_MAX_TIME_STEP,
                                            "must be between 1e-6 and 1000 s"};
     const json_t *solver = json_object_get(root, "solver");
@@ -628,7 +689,7 @@ static int read_solver(struct reader *r, const json_t *root)
         get_number(r, solver, "/solver", "time_step", &TIME_STEP, &options->time_step) ||
         get_number(r, solver, "/solver", "tolerance", &POSITIVE, &options->tolerance) ||
         read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
-        read_damping(r, solver))
+        read_damping(r, solver, options) || read_line_search(r, solver, options))
         return -1;
     return read_certify(r, solver);
 }
@@ -683,7 +744,8 @@ static int check_scene(struct reader *r)
 {
     drape_error error;
     link_scene(r->spec);
-    if (drape_scene_check(&r->spec->scene, &error) >= 0)
+    if (drape_options_check(&r->spec->options, &error) >= 0 &&
+        drape_scene_check(&r->spec->scene, &error) >= 0)
         return 0;
     schema_solver_problem(&error, r->problem);
     point_at_ref(r, r->problem);
@@ -727,6 +789,9 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     free(spec->seam);
     free(spec->pin);
     free(spec->triangle_material);
+    for (size_t i = 0; spec->curve && i < 3 * spec->scene.materials; i++)
+        free(spec->curve[i]);
+    free(spec->curve);
     free(spec->material);
     free(spec->body_mesh);
     free(spec->body);

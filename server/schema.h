@@ -14,6 +14,7 @@ struct job_spec {      /* owns everything it points to */
     struct mesh cloth; /* positions, triangles, pattern */
     uint32_t *seam, *pin, *triangle_material;
     drape_material *material;
+    double **curve;         /* 3*materials: points of a weft, warp, shear curve; NULL where it is a number */
     struct mesh *body_mesh; /* one per body, empty unless it is a mesh */
     drape_body *body;
     drape_scene_desc scene; /* points into the arrays above */

@@ -9,7 +9,7 @@
 
 drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, const struct dr_bend *bend,
                           const double gravity[3], const double *start, const uint32_t *link, size_t links,
-                          struct dr_cloth **ret, drape_error *reterr)
+                          enum dr_cloth_matrix matrix, struct dr_cloth **ret, drape_error *reterr)
 {
     drape_status status;
     struct dr_bend_stiffness *stiffness = NULL;
@@ -20,8 +20,9 @@ drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, 
     cloth->bend = bend;
     memcpy(cloth->gravity, gravity, sizeof cloth->gravity);
     cloth->start = malloc(3 * mesh->nodes * sizeof *cloth->start);
-    cloth->stress = calloc(3 * mesh->triangles, sizeof *cloth->stress);
-    if (!cloth->start || !cloth->stress) {
+    if (matrix != DR_MATRIX_NONE)
+        cloth->stress = calloc(3 * mesh->triangles, sizeof *cloth->stress);
+    if (!cloth->start || (matrix != DR_MATRIX_NONE && !cloth->stress)) {
         status = dr_out_of_memory(reterr);
         goto cleanup;
     }
@@ -29,10 +30,11 @@ drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, 
     status = dr_stretch_new(mesh, scene->material, scene->materials, &cloth->stretch, reterr);
     if (status >= 0 && scene->bodies)
         status = dr_contact_new(mesh, scene->body, scene->bodies, &cloth->contact, reterr);
-    if (status >= 0 && bend)
+    if (status >= 0 && bend && matrix != DR_MATRIX_NONE)
         status = dr_bend_stiffness_new(bend, mesh->nodes, &stiffness, reterr);
-    if (status >= 0)
-        status = dr_matrix_new(mesh, stiffness, link, links, &cloth->A, reterr);
+    if (status >= 0 && matrix != DR_MATRIX_NONE)
+        status = dr_matrix_new(mesh, stiffness, link, links, matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY,
+                               &cloth->A, reterr);
     if (status >= 0) {
         *ret = cloth;
         cloth = NULL;
@@ -59,9 +61,12 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
 
 size_t dr_cloth_bytes(const struct dr_cloth *cloth)
 {
-    return sizeof *cloth + dr_stretch_bytes(cloth->stretch) + dr_matrix_bytes(cloth->A) +
-           (cloth->contact ? dr_contact_bytes(cloth->contact) : 0) +
-           3 * (cloth->mesh->nodes + cloth->mesh->triangles) * sizeof(double);
+    size_t bytes = sizeof *cloth + dr_stretch_bytes(cloth->stretch) + 3 * cloth->mesh->nodes * sizeof(double);
+    if (cloth->A)
+        bytes += dr_matrix_bytes(cloth->A) + 3 * cloth->mesh->triangles * sizeof(double);
+    if (cloth->contact)
+        bytes += dr_contact_bytes(cloth->contact);
+    return bytes;
 }
 
 double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f)
@@ -88,10 +93,10 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
     return ret->potential;
 }
 
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x)
+void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double compression)
 {
     dr_matrix_reset(cloth->A);
-    dr_stretch_hessian(cloth->stretch, x, cloth->stress, cloth->A);
+    dr_stretch_hessian(cloth->stretch, x, cloth->stress, compression, cloth->A);
     if (cloth->contact)
         dr_contact_hessian(cloth->contact, x, cloth->A);
 }

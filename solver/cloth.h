@@ -15,17 +15,19 @@ struct dr_cloth {
     const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
     struct dr_contact *contact; /* NULL: left out */
-    struct dr_matrix *A;
-    double gravity[3]; /* zero while sewing */
-    double *start;     /* 3*nodes: where gravity's energy is zero */
-    double *stress;    /* 3*triangles: what the geometric stiffness is built from */
+    struct dr_matrix *A;        /* NULL: an explicit integrator needs none */
+    double gravity[3];          /* zero while sewing */
+    double *start;              /* 3*nodes: where gravity's energy is zero */
+    double *stress;             /* 3*triangles: what the geometric stiffness is built from */
 };
+
+enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
 
 /* `start`: 3*nodes, copied. `link`: 2*links node pairs for springs (sewing), NULL if 0. The mesh, the
  * bend and the scene must outlive the cloth. */
 drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, const struct dr_bend *bend,
                           const double gravity[3], const double *start, const uint32_t *link, size_t links,
-                          struct dr_cloth **ret, drape_error *reterr);
+                          enum dr_cloth_matrix matrix, struct dr_cloth **ret, drape_error *reterr);
 struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth); /* NULL is fine; returns NULL */
 size_t dr_cloth_bytes(const struct dr_cloth *cloth);
 
@@ -33,9 +35,9 @@ size_t dr_cloth_bytes(const struct dr_cloth *cloth);
  * entries of held nodes are reactions). Returns the potential energy. */
 double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f);
 
-/* A = M/dt^2 + the positive semi-definite Hessian at x, with the geometric stiffness from
- * cloth->stress; dt as set with dr_matrix_set_base. */
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x);
+/* A = base (see dr_matrix_set_base) + the Hessian at x, with the geometric stiffness of cloth->stress:
+ * its tensile part and `compression` times its compressive part (see dr_stretch_hessian). */
+void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double compression);
 
 /* max over free nodes of |f_i|, N; NaN if any is. */
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f);

@@ -72,12 +72,31 @@ typedef struct drape_error {
 
 /* ---- the scene ------------------------------------------------------------------------------ */
 
+/* Past this many points a curve is refused: a tensile test smoothed for use has a dozen or two. */
+#define DRAPE_MAX_CURVE_POINTS 64
+
+/* A measured strain-stress curve in the place of one stiffness of a fabric. Points are (strain, N/m) from
+ * rest on; (0, 0) is their start whether given or not.
+ *   - weft, warp: what a tensile tester gives, elongation over rest length against force per rest width.
+ *   - shear: S_uv against 2 E_uv, which for small strains is the shear angle in radians.
+ * Strains rise strictly, stresses never fall, and the first and the last step rise, by DRAPE_MIN_MATERIAL
+ * N/m at least; no step by more than DRAPE_MAX_MATERIAL. Between points runs the monotone C1 cubic of
+ * Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984); it leaves rest with the slope of its first
+ * step and goes on past the last point with the slope of its last step.
+ * Shear is odd. What compression does is not in a tensile test: there the cloth is the linear fabric of
+ * the curve's slope at rest. Energy is the exact integral, so that forces are conservative. */
+typedef struct drape_curve {
+    size_t points;       /* 0: no curve */
+    const double *point; /* 2*points: strain, N/m */
+} drape_curve;
+
 /* A fabric. Membrane: St. Venant-Kirchhoff on Green strain E, energy per rest area 1/2 e'De with
  * e = (E_uu, E_vv, 2 E_uv); D11 = weft/(1-nu^2), D22 = warp/(1-nu^2), D12 = nu sqrt(weft warp)/(1-nu^2),
- * D33 = shear, where nu = poisson is the geometric mean of the two Poisson ratios.
+ * D33 = shear, where nu = poisson is the geometric mean of the two Poisson ratios. A curve replaces its
+ * one stiffness, which is then not read; beside any curve poisson must be 0, as D12 has no meaning there.
  * Bending: plate rigidities on the curvatures (k_uu, k_vv, 2 k_uv): diag(weft, warp, twist). */
 typedef struct drape_material {
-    double density;       /* kg/m^2, > 0 */
+    double density;       /* kg/m^2, DRAPE_MIN_MATERIAL to DRAPE_MAX_MATERIAL, as the rest */
     double stretch_weft;  /* N/m, > 0 */
     double stretch_warp;  /* N/m, > 0 */
     double stretch_shear; /* N/m, > 0 */
@@ -85,6 +104,7 @@ typedef struct drape_material {
     double bend_weft;     /* N m, >= 0 */
     double bend_warp;     /* N m, >= 0 */
     double bend_twist;    /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
+    drape_curve curve_weft, curve_warp, curve_shear; /* errors name them as stretch_weft and so on */
 } drape_material;
 
 typedef enum drape_body_kind {
@@ -106,7 +126,8 @@ typedef struct drape_body {
     double radius;   /* SPHERE, CAPSULE: m, > 0 */
 } drape_body;
 
-/* All arrays are the caller's and are copied; none need outlive drape_scene_new. */
+/* All arrays, the points of curves too, are the caller's and are copied; none need outlive
+ * drape_scene_new. */
 typedef struct drape_scene_desc {
     size_t vertices, triangles, seams, pins, materials, bodies;
     const double *positions;           /* 3*vertices: the start */
@@ -132,6 +153,14 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_MAX_TRIANGLES 2000000
 #define DRAPE_MAX_BODIES    16
 
+/* Magnitudes past which numbers are refused as absurd, so that no square or product leaves the range of
+ * a double: coordinates (m, pattern too), gravity (m/s^2), and the least and largest density, stretch and
+ * bending of a material in its SI unit (bending may be 0). */
+#define DRAPE_MAX_COORDINATE 1e6
+#define DRAPE_MAX_GRAVITY    1e6
+#define DRAPE_MIN_MATERIAL   1e-12
+#define DRAPE_MAX_MATERIAL   1e12
+
 /* Everything that drape_scene_new would refuse except what only building the bodies' distance
  * fields can tell; costs O(input) time. For the border of a service. */
 drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr);
@@ -144,10 +173,22 @@ drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL
 /* ---- options -------------------------------------------------------------------------------- */
 
 typedef enum drape_method {
-    DRAPE_METHOD_AUTO = 0,    /* today: stop-and-go with the kinetic rule */
-    DRAPE_METHOD_STOP_AND_GO, /* [VMT07]: undamped dynamics, all velocities cut at each stop */
-    DRAPE_METHOD_DYNAMIC      /* plain dynamics, never stopped */
+    DRAPE_METHOD_AUTO = 0,     /* without bodies the mixed-stress Newton of solver/mixed.c, with them
+                                * stop-and-go (kinetic rule, backward Euler) */
+    DRAPE_METHOD_STOP_AND_GO,  /* [VMT07]: undamped dynamics, all velocities cut at each stop */
+    DRAPE_METHOD_DYNAMIC,      /* plain dynamics, never stopped */
+    DRAPE_METHOD_QUASI_STATIC, /* [VMT07] eq. 2: backward Euler that forgets its velocities at each step */
+    DRAPE_METHOD_NEWTON        /* [VMT07] eq. 3: Newton on the statics */
 } drape_method;
+
+/* How stop-and-go and dynamic step in time. RK4 is explicit: no Jacobian, no factorisation, and time
+ * steps that must resolve the fastest wave in the mesh. */
+typedef enum drape_integrator {
+    DRAPE_BACKWARD_EULER = 0,
+    DRAPE_BDF2,
+    DRAPE_IMPLICIT_MIDPOINT,
+    DRAPE_RK4
+} drape_integrator;
 
 typedef enum drape_stop_rule {
     DRAPE_STOP_ON_POTENTIAL = 0, /* when the potential energy passes a minimum [VMT07] */
@@ -170,8 +211,9 @@ typedef struct drape_row {
     double seconds; /* since drape_sim_run began, sewing included */
     drape_energies energy;
     double residual_energy;     /* J: an estimate of E - E*: half the Newton decrement 1/2 f'A^-1 f with the
-                                 * step matrix A. A holds M/dt^2, so the estimate is low while slow modes
-                                 * are left: 5 to 100 times on the paper's square until it hangs still */
+                                 * step matrix A. A holds M/dt^2, so the estimate is low while slow modes are
+                                 * left: 5 to 100 times on the paper's square until it hangs still. NAN where
+                                 * there is none: rk4, and newton where its Jacobian is indefinite */
     double residual_force;      /* max over free nodes of |f_i| / (mean node mass * |g|) */
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
@@ -192,7 +234,11 @@ typedef int drape_progress_fn(const drape_progress *progress, void *data);
 typedef struct drape_options {   /* start from drape_options_default() */
     drape_method method;         /* DRAPE_METHOD_AUTO */
     drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
+    drape_integrator integrator; /* DRAPE_BACKWARD_EULER; read by stop-and-go and dynamic */
     double time_step;            /* s, DRAPE_MIN_TIME_STEP to DRAPE_MAX_TIME_STEP; 0.02 */
+    double air_damping;          /* 1/s, >= 0: force -air_damping M v; 0. Backward Euler only */
+    double material_damping;     /* s, >= 0: force -material_damping H v; 0. Backward Euler only */
+    bool line_search;            /* newton halves a step that raises the potential; false: as published */
     double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
     double time_limit;           /* s of wall time, > 0; 120 */
@@ -205,6 +251,12 @@ typedef struct drape_options {   /* start from drape_options_default() */
 #define DRAPE_MAX_TIME_STEP  1e3  /* s */
 
 drape_options drape_options_default(void);
+
+/* Everything drape_sim_new would refuse about options. For the border of a service. */
+drape_status drape_options_check(const drape_options *options, drape_error *reterr);
+
+const char *drape_method_name(drape_method method);             /* "stop-and-go": as in the HTTP contract */
+const char *drape_integrator_name(drape_integrator integrator); /* "backward-euler": likewise */
 
 /* ---- solving -------------------------------------------------------------------------------- */
 
@@ -250,9 +302,10 @@ typedef struct drape_stage { /* where the seconds went */
 /* Valid after drape_sim_run returned >= 0. Plain data, no pointers to free. */
 typedef struct drape_report {
     drape_verdict verdict;
-    const char *reason;      /* static string: why it ended */
-    drape_method method;     /* the one that ran: never AUTO */
-    drape_stop_rule stop_on; /* the rule that ran */
+    const char *reason;          /* static string: why it ended */
+    drape_method method;         /* the one that ran; AUTO: the mixed-stress Newton, to the end */
+    drape_stop_rule stop_on;     /* the rule that ran */
+    drape_integrator integrator; /* the one that ran */
     uint32_t iterations, stops, factorizations, solves;
     uint32_t sewing_iterations;
     double seam_gap; /* m: largest gap left when the seams were welded; 0 without seams */

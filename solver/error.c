@@ -1,4 +1,4 @@
-/* error.c - filling a caller's drape_error, and the names of statuses and verdicts. */
+/* error.c - filling a caller's drape_error, and the names of statuses, verdicts, methods, integrators. */
 #include "error.h"
 
 #include <stdarg.h>
@@ -47,6 +47,38 @@ const char *drape_verdict_name(drape_verdict verdict)
         return "slid-off";
     case DRAPE_VERDICT_INTERSECTING:
         return "intersecting";
+    }
+    return "unknown";
+}
+
+const char *drape_method_name(drape_method method)
+{
+    switch (method) {
+    case DRAPE_METHOD_AUTO:
+        return "auto";
+    case DRAPE_METHOD_STOP_AND_GO:
+        return "stop-and-go";
+    case DRAPE_METHOD_DYNAMIC:
+        return "dynamic";
+    case DRAPE_METHOD_QUASI_STATIC:
+        return "quasi-static";
+    case DRAPE_METHOD_NEWTON:
+        return "newton";
+    }
+    return "unknown";
+}
+
+const char *drape_integrator_name(drape_integrator integrator)
+{
+    switch (integrator) {
+    case DRAPE_BACKWARD_EULER:
+        return "backward-euler";
+    case DRAPE_BDF2:
+        return "bdf2";
+    case DRAPE_IMPLICIT_MIDPOINT:
+        return "implicit-midpoint";
+    case DRAPE_RK4:
+        return "rk4";
     }
     return "unknown";
 }

@@ -43,6 +43,7 @@ struct dr_matrix {
     struct slot *bend_slot; /* bends: block of each entry of the bending stiffness */
     double *bend_value;
     cholmod_common common;
+    enum dr_factor factor;
     cholmod_sparse *A;
     cholmod_factor *L;
     cholmod_dense *w; /* right-hand sides, then solutions: two columns */
@@ -252,7 +253,8 @@ static bool analyse(struct dr_matrix *A)
     cholmod_common *common = &A->common;
     common->method[0].ordering = CHOLMOD_NATURAL; /* the numbering already is the elimination order */
     common->postorder = false;
-    common->supernodal = CHOLMOD_SUPERNODAL;
+    common->supernodal = A->factor == DR_LDL ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
+    common->final_ll = A->factor == DR_CHOLESKY;
     A->L = cholmod_analyze(A->A, common);
     if (!A->L)
         return false;
@@ -262,7 +264,8 @@ static bool analyse(struct dr_matrix *A)
 }
 
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
-                           const uint32_t *link, size_t links, struct dr_matrix **ret, drape_error *reterr)
+                           const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
+                           drape_error *reterr)
 {
     struct pairs pairs = {NULL, 0};
     drape_status status = DRAPE_ENOMEM;
@@ -273,6 +276,7 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     A->common.print = 0;
     A->common.quick_return_if_not_posdef = true;
     A->mesh = mesh;
+    A->factor = factor;
     A->row = malloc(mesh->nodes * sizeof *A->row);
     A->node = malloc(mesh->nodes * sizeof *A->node);
     if (!A->row || !A->node)
@@ -401,13 +405,13 @@ static void add_diagonal(double *value, struct slot slot, double xx, double yx, 
     first[2 * length - 1] += zz;
 }
 
-void dr_matrix_set_base(struct dr_matrix *A, double time_step)
+void dr_matrix_set_base(struct dr_matrix *A, double mass_factor)
 {
     if (!A->free)
         return;
     memset(A->base, 0, A->A->nzmax * sizeof *A->base);
     for (size_t j = 0; j < A->free; j++)
-        add_scalar(A->base, A->diagonal[j], A->mesh->mass[A->node[j]] / (time_step * time_step));
+        add_scalar(A->base, A->diagonal[j], A->mesh->mass[A->node[j]] * mass_factor);
     for (size_t i = 0; i < A->bends; i++)
         add_scalar(A->base, A->bend_slot[i], A->bend_value[i]);
 }
@@ -461,22 +465,31 @@ bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
     return done && A->common.status == CHOLMOD_OK && A->L->minor == A->L->n;
 }
 
-void dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const solution[])
+bool dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const solution[])
 {
     for (size_t k = 0; k < count; k++)
         memset(solution[k], 0, 3 * A->mesh->nodes * sizeof *solution[k]);
     if (!A->free)
-        return;
-    /* In place and without the permutations of cholmod_solve: the numbering is the elimination order. */
-    cholmod_dense w = *A->w;
+        return true;
+    cholmod_dense w = *A->w, *fresh = NULL;
     double *value = w.x;
     w.ncol = count;
     for (size_t k = 0; k < count; k++)
         for (size_t j = 0; j < A->free; j++)
             memcpy(value + k * w.d + 3 * j, b[k] + 3 * (size_t)A->node[j], 3 * sizeof *value);
-    cholmod_super_lsolve(A->L, &w, A->e, &A->common);
-    cholmod_super_ltsolve(A->L, &w, A->e, &A->common);
+    if (A->factor == DR_CHOLESKY) {
+        /* In place and without the permutations of cholmod_solve: the numbering is the elimination order. */
+        cholmod_super_lsolve(A->L, &w, A->e, &A->common);
+        cholmod_super_ltsolve(A->L, &w, A->e, &A->common);
+    } else {
+        fresh = cholmod_solve(CHOLMOD_A, A->L, &w, &A->common);
+        if (!fresh)
+            return false;
+        value = fresh->x;
+    }
     for (size_t k = 0; k < count; k++)
         for (size_t j = 0; j < A->free; j++)
             memcpy(solution[k] + 3 * (size_t)A->node[j], value + k * w.d + 3 * j, 3 * sizeof *value);
+    cholmod_free_dense(&fresh, &A->common);
+    return true;
 }

@@ -12,17 +12,24 @@
 
 struct dr_matrix;
 
+enum dr_factor {
+    DR_CHOLESKY, /* supernodal LL'; tells when the matrix is not positive definite */
+    DR_LDL       /* simplicial LDL', no pivoting: for indefinite matrices, several times slower */
+};
+
 /* Pattern: the mesh's triangles, the bending stiffness (NULL: none) and `links` extra pairs of nodes
  * (2*links, NULL if 0). Everything is copied except the mesh, which must outlive the matrix.
  * DRAPE_EINVAL when it needs more entries than a 32-bit index counts. */
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
-                           const uint32_t *link, size_t links, struct dr_matrix **ret, drape_error *reterr);
+                           const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
+                           drape_error *reterr);
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
 
-/* What is the same at every step: diag(mass)/dt^2 plus the bending stiffness given at creation. */
-void dr_matrix_set_base(struct dr_matrix *A, double time_step);
+/* What is the same at every step: mass_factor (1/s^2) times diag(mass), plus the bending stiffness given at
+ * creation. */
+void dr_matrix_set_base(struct dr_matrix *A, double mass_factor);
 
 /* A = base. */
 void dr_matrix_reset(struct dr_matrix *A);
@@ -37,12 +44,13 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 /* Adds stiffness (1 -1; -1 1) (x) I3 between the two nodes of link i. */
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness);
 
-/* Cholesky of A into a factor kept from call to call (analysed in dr_matrix_new). False: A is not
- * positive definite, or memory ran out (*ret_memory then). */
+/* Factorises A into memory kept from call to call (analysed in dr_matrix_new). False: A is not positive
+ * definite (DR_CHOLESKY) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);
 
 /* Solves A w_k = b_k for `count` (1 or 2) right-hand sides with the last factor, which must have
- * succeeded; b and w are 3*nodes per side, held nodes are ignored in b and zero in w. */
-void dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const w[]);
+ * succeeded (DR_LDL: one side, and false when memory ran out); b and w are 3*nodes per side, held nodes are
+ * ignored in b and zero in w. */
+bool dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const w[]);
 
 #endif

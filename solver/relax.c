@@ -1,77 +1,124 @@
-/* relax.c - the drape itself: implicit dynamics, cut to rest at each stop [VMT07].
- *
- * One iteration is a backward Euler step with one linear solve ([VMT07] eq. 1 rearranged: with H the
- * positive semi-definite Hessian, f the force and v the velocity at x)
- *
- *     A w = f + M v/dt,   A = M/dt^2 + H,   x += w,   v = w/dt,
- *
- * which descends the incremental potential E(x + w) + |w - v dt|^2_M / (2 dt^2). */
+/* relax.c - the drape itself: drives a method from state to state, decides stops, rest and the end
+ * [VMT07]. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "error.h"
-#include "sim.h"
+#include "state.h"
 
-#define CONTACT_DEPTH 0.002 /* m below a body's surface that one step may end: nothing tunnels */
-#define LONGEST_MOVE  0.02  /* m per node and step where there are bodies; see contact.h */
-#define MOST_HALVINGS 10    /* of a step that raises the incremental potential */
-#define SUNK          1e-3  /* m inside a body from which the verdict is "intersecting" */
+#define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
+#define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
 
-/* Everything one run moves. Arrays are 3*nodes. */
-struct state {
-    struct drape_sim *sim;
-    struct dr_cloth *cloth;
-    double *x, *v, *f;       /* where we are */
-    double *inertia;         /* M v/dt, N */
-    double *w, *w_inertia;   /* A^-1 f and A^-1 M v/dt; then w is the step */
-    double *x_next, *f_next; /* where the step leads */
-    double *best;            /* lowest potential energy seen */
-    drape_row best_row;
-    drape_row row;
-    double weight;                               /* N: what residual_force is relative to */
-    double previous_potential, previous_kinetic; /* J, one iteration back */
-    double work; /* J: work of the potential forces over the last step, by the trapezoid rule */
-    bool moving; /* velocities may be nonzero */
-};
+/* ---- what methods share -------------------------------------------------------------------------- */
 
-static bool allocate(struct state *s, size_t nodes)
+const struct dr_method *dr_method_of(const struct drape_sim *sim)
 {
-    double **array[] = {&s->v, &s->f, &s->inertia, &s->w, &s->w_inertia, &s->x_next, &s->f_next, &s->best};
-    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
-        if (!(*array[i] = calloc(3 * nodes, sizeof(double))))
-            return false;
-    return true;
+    static const struct dr_method *const stepper[] = {
+        [DRAPE_BACKWARD_EULER] = &dr_backward_euler,
+        [DRAPE_BDF2] = &dr_bdf2,
+        [DRAPE_IMPLICIT_MIDPOINT] = &dr_implicit_midpoint,
+        [DRAPE_RK4] = &dr_rk4,
+    };
+    switch (sim->options.method) {
+    case DRAPE_METHOD_AUTO:
+        return sim->scene->bodies ? &dr_backward_euler : &dr_mixed;
+    case DRAPE_METHOD_QUASI_STATIC:
+        return &dr_quasi_static;
+    case DRAPE_METHOD_NEWTON:
+        return &dr_newton;
+    case DRAPE_METHOD_STOP_AND_GO:
+    case DRAPE_METHOD_DYNAMIC:
+        break;
+    }
+    return stepper[sim->options.integrator];
 }
 
-static void release(struct state *s)
+drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
+                                drape_error *reterr)
 {
-    double *array[] = {s->v, s->f, s->inertia, s->w, s->w_inertia, s->x_next, s->f_next, s->best};
-    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
-        free(array[i]);
-    dr_cloth_free(s->cloth);
+    struct drape_sim *sim = s->sim;
+    bool out_of_memory = false;
+    double began = dr_clock();
+    dr_cloth_assemble(s->cloth, s->x, compression);
+    double assembled = dr_clock();
+    *ret_definite = dr_matrix_factorise(s->cloth->A, &out_of_memory);
+    sim->report.factorizations++;
+    sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
+    sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
+    return out_of_memory ? dr_out_of_memory(reterr) : DRAPE_OK;
 }
 
-static size_t state_bytes(const struct state *s)
+drape_status dr_state_solve(struct dr_state *s, size_t count, const double *const b[], double *const w[],
+                            drape_error *reterr)
 {
-    return dr_cloth_bytes(s->cloth) + 9 * 3 * s->cloth->mesh->nodes * sizeof(double);
+    double began = dr_clock();
+    bool solved = dr_matrix_solve(s->cloth->A, count, b, w);
+    s->sim->report.solves += (uint32_t)count;
+    s->sim->stage[DR_STAGE_SOLVE] += dr_clock() - began;
+    return solved ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
-/* ---- rest and stops ----------------------------------------------------------------------------- */
-
-static double kinetic_energy(const struct dr_mesh *mesh, const double *v)
+double dr_state_dot(const struct dr_state *s, const double *a, const double *b)
 {
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    long double sum = 0;
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        if (!mesh->held[i / 3])
+            sum += a[i] * b[i];
+    return (double)sum;
+}
+
+void dr_state_limit(struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    if (!s->cloth->contact)
+        return;
+    for (size_t i = 0; i < mesh->nodes; i++) {
+        double *move = s->w + 3 * i;
+        double length = sqrt(move[0] * move[0] + move[1] * move[1] + move[2] * move[2]);
+        if (length > LONGEST_MOVE)
+            for (int d = 0; d < 3; d++)
+                move[d] *= LONGEST_MOVE / length;
+    }
+    dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+}
+
+double dr_state_kinetic(const struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
     long double sum = 0;
     for (size_t i = 0; i < mesh->nodes; i++) {
-        const double *vi = v + 3 * i;
-        sum += 0.5 * mesh->mass[i] * (vi[0] * vi[0] + vi[1] * vi[1] + vi[2] * vi[2]);
+        const double *v = s->v + 3 * i;
+        sum += 0.5 * mesh->mass[i] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     }
     return (double)sum;
 }
 
+void dr_state_arrive(struct dr_state *s, const drape_energies *energy)
+{
+    size_t count = 3 * s->cloth->mesh->nodes;
+    long double work = 0;
+    for (size_t i = 0; i < count; i++)
+        work += 0.5 * (s->f[i] + s->f_next[i]) * s->w[i];
+    s->work = (double)work;
+    if (s->cloth->stress)
+        dr_stretch_stress(s->cloth->stretch, s->x, s->w, s->cloth->stress);
+    memcpy(s->x, s->x_next, count * sizeof *s->x);
+    memcpy(s->f, s->f_next, count * sizeof *s->f);
+    s->previous_potential = s->row.energy.potential;
+    s->previous_kinetic = s->row.stop ? 0 : s->row.energy.kinetic;
+    s->row.energy = *energy;
+    s->row.energy.kinetic = s->v ? dr_state_kinetic(s) : 0;
+    s->moving = s->v != NULL;
+    s->fresh = false;
+}
+
+/* ---- rest and stops ------------------------------------------------------------------------------ */
+
 /* The potential energy rose over the last step. Near rest the difference of two energies is noise, the
  * work of the forces is not. */
-static bool potential_rose(const struct state *s)
+static bool potential_rose(const struct dr_state *s)
 {
     const drape_energies *e = &s->row.energy;
     double size = e->stretch + e->bend + e->contact + fabs(e->gravity);
@@ -80,29 +127,59 @@ static bool potential_rose(const struct state *s)
 }
 
 /* Whether the velocities are cut to zero at the state just reached. */
-static bool stop_here(const struct state *s)
+static bool stop_here(const struct dr_state *s)
 {
     const drape_report *report = &s->sim->report;
-    if (report->method == DRAPE_METHOD_DYNAMIC || !s->moving)
+    if (report->method != DRAPE_METHOD_STOP_AND_GO || !s->moving)
         return false;
     if (report->stop_on == DRAPE_STOP_ON_KINETIC)
         return s->row.energy.kinetic < s->previous_kinetic;
     return potential_rose(s);
 }
 
-/* Rest is a matter of forces. Plain dynamics must also have lost its momentum: passing an equilibrium
- * at speed is not rest, so M v/dt, the force that would stop a node within one step, has to be as small. */
-static bool at_rest(const struct state *s)
+static void stop_or_go(struct dr_state *s)
+{
+    s->row.stop = stop_here(s);
+    if (!s->row.stop)
+        return;
+    memset(s->v, 0, 3 * s->cloth->mesh->nodes * sizeof *s->v);
+    s->moving = false;
+    s->fresh = true;
+    s->sim->report.stops++;
+}
+
+/* The force that would stop the fastest node within one time step, N. */
+static double largest_inertia(const struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    double largest = 0;
+    for (size_t i = 0; i < mesh->nodes; i++) {
+        const double *v = s->v + 3 * i;
+        largest = fmax(largest, mesh->mass[i] * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+    }
+    return largest / s->sim->options.time_step;
+}
+
+/* Rest is a matter of forces. Plain dynamics must also have lost its momentum: passing an equilibrium at
+ * speed is not rest, so M v/dt has to be as small. */
+static bool at_rest(const struct dr_state *s)
 {
     double tolerance = s->sim->options.tolerance;
     if (!(s->row.residual_force <= tolerance))
         return false;
-    return s->sim->report.method != DRAPE_METHOD_DYNAMIC ||
-           dr_cloth_largest_force(s->cloth, s->inertia) <= tolerance * s->weight;
+    return s->sim->report.method != DRAPE_METHOD_DYNAMIC || largest_inertia(s) <= tolerance * s->weight;
+}
+
+/* The potential energy is higher than where the run began. */
+static bool above_start(const struct dr_state *s)
+{
+    const drape_energies *e = &s->row.energy;
+    double size = e->stretch + e->bend + e->contact + fabs(e->gravity);
+    return e->potential > s->sim->row[0].energy.potential + 1e-9 * size;
 }
 
 /* A piece that no pin holds has fallen below every body. */
-static bool slid_off(const struct state *s)
+static bool slid_off(const struct dr_state *s)
 {
     const drape_scene *scene = s->sim->scene;
     const double *g = s->cloth->gravity;
@@ -126,136 +203,16 @@ static bool slid_off(const struct state *s)
     return false;
 }
 
-/* ---- one step ----------------------------------------------------------------------------------- */
-
-/* Factorises at x and solves for the force and the inertia apart, which costs one factor all the same
- * and gives the Newton decrement of the force alone. */
-static drape_status solve_step(struct state *s, drape_error *reterr)
-{
-    struct drape_sim *sim = s->sim;
-    bool out_of_memory = false;
-    double began = dr_clock();
-    dr_cloth_assemble(s->cloth, s->x);
-    double assembled = dr_clock();
-    bool ok = dr_matrix_factorise(s->cloth->A, &out_of_memory);
-    double factorised = dr_clock();
-    sim->report.factorizations++;
-    if (ok)
-        dr_matrix_solve(s->cloth->A, 2, (const double *[]){s->f, s->inertia},
-                        (double *[]){s->w, s->w_inertia});
-    sim->report.solves += 2;
-    sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
-    sim->stage[DR_STAGE_FACTORISE] += factorised - assembled;
-    sim->stage[DR_STAGE_SOLVE] += dr_clock() - factorised;
-    if (out_of_memory)
-        return dr_out_of_memory(reterr);
-    if (!ok)
-        return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
-                       "the step matrix could not be factorised, iteration %u", s->row.iteration);
-    double decrement = 0;
-    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++)
-        if (!s->cloth->mesh->held[i / 3])
-            decrement += s->f[i] * s->w[i];
-    s->row.residual_energy = 0.5 * decrement;
-    return DRAPE_OK;
-}
-
-/* The share of the incremental potential that is inertia: |w - v dt|^2_M / (2 dt^2). */
-static double inertial_energy(const struct state *s, double scale)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    double dt = s->sim->options.time_step;
-    long double sum = 0;
-    for (size_t i = 0; i < 3 * mesh->nodes; i++) {
-        double slip = scale * s->w[i] - s->v[i] * dt;
-        if (!mesh->held[i / 3])
-            sum += mesh->mass[i / 3] * slip * slip;
-    }
-    return (double)(sum / (2 * dt * dt));
-}
-
-static void limit_step(struct state *s)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    for (size_t i = 0; i < mesh->nodes; i++) {
-        double *move = s->w + 3 * i;
-        double length = sqrt(move[0] * move[0] + move[1] * move[1] + move[2] * move[2]);
-        if (length > LONGEST_MOVE)
-            for (int d = 0; d < 3; d++)
-                move[d] *= LONGEST_MOVE / length;
-    }
-    dr_contact_clip(s->cloth->contact, s->x, s->w, CONTACT_DEPTH);
-}
-
-/* Moves to x + scale*w, halving the scale while the incremental potential rises. */
-static drape_status move(struct state *s, drape_error *reterr)
-{
-    struct drape_sim *sim = s->sim;
-    size_t count = 3 * s->cloth->mesh->nodes;
-    double began = dr_clock(), scale = 1;
-    for (size_t i = 0; i < count; i++)
-        s->w[i] += s->w_inertia[i];
-    if (s->cloth->contact)
-        limit_step(s);
-
-    drape_energies energy = s->row.energy;
-    double before = energy.potential + inertial_energy(s, 0);
-    double noise = 1e-12 * (energy.stretch + energy.bend + energy.contact + fabs(energy.gravity));
-    for (int halvings = 0;; halvings++, scale /= 2) {
-        for (size_t i = 0; i < count; i++)
-            s->x_next[i] = s->x[i] + scale * s->w[i];
-        double after = dr_cloth_energy(s->cloth, s->x_next, &energy, s->f_next) + inertial_energy(s, scale);
-        if (after <= before + noise || (halvings == MOST_HALVINGS && isfinite(after)))
-            break;
-        if (halvings == 2 * MOST_HALVINGS)
-            return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1, "a non-finite energy, iteration %u",
-                           s->row.iteration + 1);
-    }
-    for (size_t i = 0; i < count; i++)
-        s->w[i] *= scale;
-
-    long double work = 0;
-    for (size_t i = 0; i < count; i++)
-        work += 0.5 * (s->f[i] + s->f_next[i]) * s->w[i];
-    s->work = (double)work;
-    dr_stretch_stress(s->cloth->stretch, s->x, s->w, s->cloth->stress);
-    for (size_t i = 0; i < count; i++)
-        s->v[i] = s->w[i] / sim->options.time_step;
-    memcpy(s->x, s->x_next, count * sizeof *s->x);
-    memcpy(s->f, s->f_next, count * sizeof *s->f);
-    s->previous_potential = s->row.energy.potential;
-    s->previous_kinetic = s->row.stop ? 0 : s->row.energy.kinetic;
-    s->row.energy = energy;
-    s->row.energy.kinetic = kinetic_energy(s->cloth->mesh, s->v);
-    s->moving = true;
-    sim->stage[DR_STAGE_MOVE] += dr_clock() - began;
-    return DRAPE_OK;
-}
-
-/* ---- the run ------------------------------------------------------------------------------------ */
-
-/* Decides the stop at the state just reached and leaves M v/dt behind for the solve. */
-static void stop_or_go(struct state *s)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    s->row.stop = stop_here(s);
-    if (s->row.stop) {
-        memset(s->v, 0, 3 * mesh->nodes * sizeof *s->v);
-        s->moving = false;
-        s->sim->report.stops++;
-    }
-    for (size_t i = 0; i < 3 * mesh->nodes; i++)
-        s->inertia[i] = mesh->mass[i / 3] * s->v[i] / s->sim->options.time_step;
-}
+/* ---- the run ------------------------------------------------------------------------------------- */
 
 /* Completes this state's row, keeps it, and tells the caller. */
-static void record(struct state *s)
+static void record(struct dr_state *s)
 {
     struct drape_sim *sim = s->sim;
     drape_row *row = &s->row;
     row->seconds = dr_clock() - sim->began;
     sim->row[sim->rows++] = *row;
-    if (row->iteration <= 1 || row->energy.potential < s->best_row.energy.potential) {
+    if (row->iteration == 0 || row->energy.potential < s->best_row.energy.potential) {
         memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
         s->best_row = *row;
     }
@@ -263,13 +220,15 @@ static void record(struct state *s)
 }
 
 /* Why the run ends at this state, with the verdict so far; NULL: it goes on. */
-static const char *ending(const struct state *s, drape_verdict *ret_verdict)
+static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
 {
     const struct drape_sim *sim = s->sim;
     *ret_verdict = DRAPE_VERDICT_NOT_AT_REST;
     if (!sim->options.max_iterations)
         return "only the start was evaluated";
     if (s->row.iteration && at_rest(s)) {
+        if (above_start(s)) /* where Newton, say, found the cloth standing up */
+            return "an equilibrium above the start is not a minimum";
         *ret_verdict = DRAPE_VERDICT_AT_REST;
         return "the residual force is within the tolerance";
     }
@@ -279,6 +238,8 @@ static const char *ending(const struct state *s, drape_verdict *ret_verdict)
     }
     if (atomic_load(&sim->cancelled))
         return "cancelled";
+    if (s->gave_up)
+        return s->gave_up;
     if (s->row.iteration == sim->options.max_iterations)
         return "the iterations ran out";
     if (s->row.iteration && dr_sim_interrupted(sim)) /* the undraped start is never the result */
@@ -286,8 +247,14 @@ static const char *ending(const struct state *s, drape_verdict *ret_verdict)
     return NULL;
 }
 
+static size_t state_bytes(const struct dr_state *s)
+{
+    size_t arrays = 6 + (s->v != NULL) + s->method->extra;
+    return dr_cloth_bytes(s->cloth) + arrays * 3 * s->cloth->mesh->nodes * sizeof(double);
+}
+
 /* Leaves the state to return in s->x and describes it. */
-static void conclude(struct state *s, drape_verdict verdict, const char *reason)
+static void conclude(struct dr_state *s, drape_verdict verdict, const char *reason)
 {
     drape_report *report = &s->sim->report;
     const struct dr_mesh *mesh = s->cloth->mesh;
@@ -306,20 +273,26 @@ static void conclude(struct state *s, drape_verdict verdict, const char *reason)
     report->verdict = verdict;
     report->reason = reason;
     report->nodes = mesh->nodes;
-    report->free_nodes = dr_matrix_free_nodes(s->cloth->A);
+    for (size_t i = 0; i < mesh->nodes; i++)
+        report->free_nodes += !mesh->held[i];
     if (state_bytes(s) > s->sim->peak_bytes)
         s->sim->peak_bytes = state_bytes(s);
 }
 
-static drape_status iterate(struct state *s, drape_error *reterr)
+static drape_status iterate(struct dr_state *s, drape_error *reterr)
 {
     for (;;) {
         s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
-        if (!isfinite(s->row.residual_force))
-            return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1, "a non-finite force, iteration %u",
-                           s->row.iteration);
+        if (!isfinite(s->row.residual_force) || !isfinite(s->row.energy.potential)) {
+            if (!s->row.iteration)
+                return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
+                               "the start has no finite energy");
+            s->row.iteration--; /* that state is not one */
+            conclude(s, DRAPE_VERDICT_NOT_AT_REST, "the energy grew past every bound");
+            return DRAPE_OK;
+        }
         stop_or_go(s);
-        drape_status status = solve_step(s, reterr);
+        drape_status status = s->method->assess(s, reterr);
         if (status < 0)
             return status;
         record(s);
@@ -329,27 +302,53 @@ static drape_status iterate(struct state *s, drape_error *reterr)
             conclude(s, verdict, reason);
             return DRAPE_OK;
         }
-        status = move(s, reterr);
+        s->row.linear_iterations = 0;
+        status = s->method->advance(s, reterr);
         if (status < 0)
             return status;
         s->row.iteration++;
-        s->row.linear_iterations = 2;
     }
+}
+
+static bool allocate(struct dr_state *s, size_t nodes)
+{
+    double **array[5 + 1 + DR_MAX_EXTRA] = {&s->f, &s->w, &s->x_next, &s->f_next, &s->best};
+    size_t count = 5;
+    if (s->method->moves)
+        array[count++] = &s->v;
+    for (unsigned i = 0; i < s->method->extra; i++)
+        array[count++] = &s->extra[i];
+    for (size_t i = 0; i < count; i++)
+        if (!(*array[i] = calloc(3 * nodes, sizeof(double))))
+            return false;
+    return true;
+}
+
+static void release(struct dr_state *s)
+{
+    double *array[] = {s->f, s->v, s->w, s->x_next, s->f_next, s->best};
+    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
+        free(array[i]);
+    for (size_t i = 0; i < DR_MAX_EXTRA; i++)
+        free(s->extra[i]);
+    dr_cloth_free(s->cloth);
 }
 
 drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
     double began = dr_clock();
-    struct state s = {.sim = sim, .x = x, .row.time_step = sim->options.time_step};
+    struct dr_state s = {.sim = sim, .x = x, .method = dr_method_of(sim), .fresh = true};
+    s.row.time_step = sim->options.time_step;
     drape_status status = allocate(&s, scene->mesh->nodes) ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
-        status = dr_cloth_new(scene, scene->mesh, scene->bend, scene->gravity, x, NULL, 0, &s.cloth, reterr);
+        status = dr_cloth_new(scene, scene->mesh, scene->bend, scene->gravity, x, NULL, 0, s.method->matrix,
+                              &s.cloth, reterr);
     if (status >= 0) {
-        dr_matrix_set_base(s.cloth->A, sim->options.time_step);
         s.weight = dr_cloth_mean_weight(s.cloth);
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);
-        dr_stretch_stress(s.cloth->stretch, x, NULL, s.cloth->stress);
+        if (s.cloth->stress)
+            dr_stretch_stress(s.cloth->stretch, x, NULL, s.cloth->stress);
         sim->stage[DR_STAGE_PREPARE] = dr_clock() - began;
         status = iterate(&s, reterr);
     }

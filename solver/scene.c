@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "curve.h"
 #include "error.h"
 
 drape_scene_desc drape_scene_desc_default(void)
@@ -14,10 +15,11 @@ drape_scene_desc drape_scene_desc_default(void)
 
 /* ---- checks ------------------------------------------------------------------------------------- */
 
-static bool all_finite(const double *value, size_t count, size_t *ret_bad)
+/* Whether all are numbers of at most that size; else *ret_bad is the first that is not. */
+static bool all_within(const double *value, size_t count, double most, size_t *ret_bad)
 {
     for (size_t i = 0; i < count; i++)
-        if (!isfinite(value[i])) {
+        if (!(fabs(value[i]) <= most)) {
             *ret_bad = i;
             return false;
         }
@@ -57,31 +59,52 @@ static drape_status check_counts(const drape_scene_desc *desc, drape_error *rete
     return DRAPE_OK;
 }
 
+/* One material: its numbers, or the curves that stand in the place of some. */
+static drape_status check_material(const drape_material *material, int64_t m, drape_error *reterr)
+{
+    const struct {
+        const char *member;
+        double value;
+        bool zero_allowed;
+        const drape_curve *curve; /* NULL: a number only */
+    } row[] = {
+        {"density", material->density, false, NULL},
+        {"stretch_weft", material->stretch_weft, false, &material->curve_weft},
+        {"stretch_warp", material->stretch_warp, false, &material->curve_warp},
+        {"stretch_shear", material->stretch_shear, false, &material->curve_shear},
+        {"bend_weft", material->bend_weft, true, NULL},
+        {"bend_warp", material->bend_warp, true, NULL},
+        {"bend_twist", material->bend_twist, true, NULL},
+    };
+    bool curved = false;
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        if (row[i].curve && row[i].curve->points) {
+            drape_status status = dr_curve_check(row[i].curve, m, row[i].member, reterr);
+            if (status < 0)
+                return status;
+            curved = true;
+        } else if (!(row[i].value == 0 && row[i].zero_allowed) &&
+                   !(row[i].value >= DRAPE_MIN_MATERIAL && row[i].value <= DRAPE_MAX_MATERIAL)) {
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, row[i].member,
+                              "%g is not %sbetween %g and %g", row[i].value,
+                              row[i].zero_allowed ? "0 or " : "", DRAPE_MIN_MATERIAL, DRAPE_MAX_MATERIAL);
+        }
+    }
+    if (!(fabs(material->poisson) < 1)) /* D is positive definite just then */
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "poisson",
+                          "%g is not between -1 and 1, both excluded", material->poisson);
+    if (curved && material->poisson != 0)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "poisson",
+                          "%g must be 0 beside a strain-stress curve", material->poisson);
+    return DRAPE_OK;
+}
+
 static drape_status check_materials(const drape_scene_desc *desc, drape_error *reterr)
 {
     for (size_t m = 0; m < desc->materials; m++) {
-        const drape_material *material = desc->material + m;
-        const struct {
-            const char *member;
-            double value;
-            bool zero_allowed;
-        } row[] = {
-            {"density", material->density, false},
-            {"stretch_weft", material->stretch_weft, false},
-            {"stretch_warp", material->stretch_warp, false},
-            {"stretch_shear", material->stretch_shear, false},
-            {"bend_weft", material->bend_weft, true},
-            {"bend_warp", material->bend_warp, true},
-            {"bend_twist", material->bend_twist, true},
-        };
-        for (size_t i = 0; i < sizeof row / sizeof *row; i++)
-            if (!isfinite(row[i].value) || row[i].value < 0 || (row[i].value == 0 && !row[i].zero_allowed))
-                return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, row[i].member,
-                                  "%g is not a finite number %s 0", row[i].value,
-                                  row[i].zero_allowed ? ">=" : ">");
-        if (!(fabs(material->poisson) < 1)) /* D is positive definite just then */
-            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, (int64_t)m, -1, "poisson",
-                              "%g is not between -1 and 1, both excluded", material->poisson);
+        drape_status status = check_material(desc->material + m, (int64_t)m, reterr);
+        if (status < 0)
+            return status;
     }
     for (size_t t = 0; desc->triangle_material && t < desc->triangles; t++)
         if (desc->triangle_material[t] >= desc->materials)
@@ -111,14 +134,15 @@ static drape_status check_indices(const drape_scene_desc *desc, drape_error *ret
 static drape_status check_numbers(const drape_scene_desc *desc, drape_error *reterr)
 {
     size_t bad;
-    if (!all_finite(desc->positions, 3 * desc->vertices, &bad))
+    if (!all_within(desc->positions, 3 * desc->vertices, DRAPE_MAX_COORDINATE, &bad))
         return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_VERTEX, (int64_t)(bad / 3),
-                       "the position is not finite");
-    if (!all_finite(desc->pattern, 2 * desc->vertices, &bad))
+                       "the position is not finite and within %g m", DRAPE_MAX_COORDINATE);
+    if (!all_within(desc->pattern, 2 * desc->vertices, DRAPE_MAX_COORDINATE, &bad))
         return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2),
-                       "the pattern coordinate is not finite");
-    if (!all_finite(desc->gravity, 3, &bad))
-        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity", "it is not finite");
+                       "the pattern coordinate is not finite and within %g m", DRAPE_MAX_COORDINATE);
+    if (!all_within(desc->gravity, 3, DRAPE_MAX_GRAVITY, &bad))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity",
+                          "it is not finite and within %g m/s^2", DRAPE_MAX_GRAVITY);
     return DRAPE_OK;
 }
 
@@ -255,6 +279,31 @@ static bool copy_seams(const drape_scene_desc *desc, drape_scene *scene)
         if (desc->seam[2 * s] != desc->seam[2 * s + 1])
             memcpy(scene->seam + 2 * scene->seams++, desc->seam + 2 * s, 2 * sizeof *scene->seam);
     return scene->seam != NULL;
+}
+
+/* Copies the materials, and the points of all their curves into one array. */
+static bool copy_materials(const drape_scene_desc *desc, drape_scene *scene)
+{
+    scene->material = copy_of(desc->material, desc->materials, sizeof *scene->material);
+    for (size_t m = 0; m < desc->materials; m++) {
+        const drape_material *of = desc->material + m;
+        scene->curve_points += of->curve_weft.points + of->curve_warp.points + of->curve_shear.points;
+    }
+    if (!scene->material || !scene->curve_points)
+        return scene->material != NULL;
+    double *next = scene->curve_point = malloc(2 * scene->curve_points * sizeof *next);
+    for (size_t m = 0; next && m < desc->materials; m++) {
+        drape_material *to = scene->material + m;
+        drape_curve *curve[] = {&to->curve_weft, &to->curve_warp, &to->curve_shear};
+        for (int i = 0; i < 3; i++) {
+            size_t numbers = 2 * curve[i]->points;
+            if (numbers)
+                memcpy(next, curve[i]->point, numbers * sizeof *next);
+            curve[i]->point = numbers ? next : NULL;
+            next += numbers;
+        }
+    }
+    return scene->curve_point != NULL;
 }
 
 static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes,
@@ -427,9 +476,9 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     scene->materials = desc->materials;
     memcpy(scene->gravity, desc->gravity, sizeof scene->gravity);
     scene->positions = copy_of(desc->positions, 3 * desc->vertices, sizeof *scene->positions);
-    scene->material = copy_of(desc->material, desc->materials, sizeof *scene->material);
     scene->vertex_node = malloc(desc->vertices * sizeof *scene->vertex_node);
-    if (!scene->positions || !copy_seams(desc, scene) || !scene->material || !scene->vertex_node) {
+    if (!scene->positions || !copy_seams(desc, scene) || !copy_materials(desc, scene) ||
+        !scene->vertex_node) {
         status = dr_out_of_memory(reterr);
         goto cleanup;
     }
@@ -484,6 +533,7 @@ drape_scene *drape_scene_free(drape_scene *scene)
         free(scene->part);
         free(scene->part_held);
         free(scene->material);
+        free(scene->curve_point);
         free(scene->seam);
         free(scene->vertex_node);
         free(scene->vertex_share);
@@ -497,7 +547,8 @@ size_t dr_scene_bytes(const drape_scene *scene)
 {
     size_t bytes = sizeof *scene + scene->vertices * (4 * sizeof(double) + sizeof(uint32_t)) +
                    2 * scene->seams * sizeof(uint32_t) + scene->materials * sizeof(drape_material) +
-                   dr_mesh_bytes(scene->mesh) + scene->mesh->nodes * (sizeof(uint32_t) + sizeof(bool));
+                   2 * scene->curve_points * sizeof(double) + dr_mesh_bytes(scene->mesh) +
+                   scene->mesh->nodes * (sizeof(uint32_t) + sizeof(bool));
     if (scene->bend)
         bytes += dr_bend_bytes(scene->bend);
     if (scene->pieces)

@@ -23,6 +23,8 @@ struct drape_scene {
     double seam_gap; /* m: widest seam at the start */
     size_t materials;
     drape_material *material;
+    size_t curve_points; /* of all strain-stress curves together */
+    double *curve_point; /* 2*curve_points; the materials' curves point into it; NULL: no curve */
     double gravity[3];
     struct dr_mesh *mesh;        /* welded */
     struct dr_bend *bend;        /* NULL: no rigidity anywhere */

@@ -78,7 +78,7 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
             return DRAPE_OK;
 
         bool out_of_memory;
-        dr_cloth_assemble(cloth, x);
+        dr_cloth_assemble(cloth, x, 0);
         for (size_t s = 0; s < scene->seams; s++)
             dr_matrix_add_link(cloth->A, s, spring);
         if (!dr_matrix_factorise(cloth->A, &out_of_memory))
@@ -109,9 +109,9 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
     drape_status status = f && w ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
         status = dr_cloth_new(scene, scene->pieces, scene->pieces_bend, weightless, sim->positions,
-                              scene->seam, scene->seams, &cloth, reterr);
+                              scene->seam, scene->seams, DR_MATRIX_CHOLESKY, &cloth, reterr);
     if (status >= 0) {
-        dr_matrix_set_base(cloth->A, TIME_STEP);
+        dr_matrix_set_base(cloth->A, 1 / (TIME_STEP * TIME_STEP));
         dr_stretch_stress(cloth->stretch, sim->positions, NULL, cloth->stress);
         status = sew_pieces(sim, cloth, f, w, reterr);
         sim->peak_bytes = dr_cloth_bytes(cloth) + 6 * scene->vertices * sizeof(double);

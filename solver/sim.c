@@ -23,13 +23,29 @@ drape_options drape_options_default(void)
     };
 }
 
-static drape_status check_options(const drape_options *options, drape_error *reterr)
+static bool steps_in_time(const drape_options *options)
+{
+    return options->method == DRAPE_METHOD_STOP_AND_GO || options->method == DRAPE_METHOD_DYNAMIC;
+}
+
+drape_status drape_options_check(const drape_options *options, drape_error *reterr)
 {
     const char *member = NULL;
-    if (options->method > DRAPE_METHOD_DYNAMIC)
+    bool damped = options->air_damping != 0 || options->material_damping != 0;
+    if (options->method > DRAPE_METHOD_NEWTON)
         member = "method";
     else if (options->stop_on > DRAPE_STOP_ON_KINETIC)
         member = "stop_on";
+    else if (options->integrator > DRAPE_RK4)
+        member = "integrator";
+    else if (!(options->air_damping >= 0 && isfinite(options->air_damping)))
+        member = "air_damping";
+    else if (!(options->material_damping >= 0 && isfinite(options->material_damping)))
+        member = "material_damping";
+    else if (damped && (options->integrator != DRAPE_BACKWARD_EULER || !steps_in_time(options)))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1,
+                          options->air_damping != 0 ? "air_damping" : "material_damping",
+                          "damping needs backward Euler, by dynamic or stop-and-go");
     else if (!(options->time_step >= DRAPE_MIN_TIME_STEP && options->time_step <= DRAPE_MAX_TIME_STEP))
         member = "time_step";
     else if (!(options->tolerance > 0 && isfinite(options->tolerance)))
@@ -45,7 +61,7 @@ static drape_status check_options(const drape_options *options, drape_error *ret
 drape_status drape_sim_new(const drape_scene *scene, const drape_options *options, drape_sim **ret,
                            drape_error *reterr)
 {
-    drape_status status = check_options(options, reterr);
+    drape_status status = drape_options_check(options, reterr);
     if (status < 0)
         return status;
     drape_sim *sim = calloc(1, sizeof *sim);
@@ -61,8 +77,10 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
     sim->options = *options;
     atomic_init(&sim->cancelled, false);
     memcpy(sim->positions, scene->positions, 3 * scene->vertices * sizeof *sim->positions);
-    sim->report.method = options->method == DRAPE_METHOD_AUTO ? DRAPE_METHOD_STOP_AND_GO : options->method;
+    bool falls_back = options->method == DRAPE_METHOD_AUTO && scene->bodies;
+    sim->report.method = falls_back ? DRAPE_METHOD_STOP_AND_GO : options->method;
     sim->report.stop_on = options->method == DRAPE_METHOD_AUTO ? DRAPE_STOP_ON_KINETIC : options->stop_on;
+    sim->report.integrator = steps_in_time(options) ? options->integrator : DRAPE_BACKWARD_EULER;
     *ret = sim;
     return DRAPE_OK;
 }

@@ -1,9 +1,13 @@
-/* stretch.c - energy, force and Hessian of the St. Venant-Kirchhoff membrane. */
+/* stretch.c - energy, force and Hessian of the membrane.
+ *
+ * Each loop over the triangles is written once and compiled twice, with `curved` a constant: the loop of
+ * linear fabrics knows nothing of curves, and executes the instructions it had before there were any. */
 #include "stretch.h"
 
 #include <math.h>
 #include <stdlib.h>
 
+#include "curve.h"
 #include "error.h"
 
 struct elasticity {
@@ -13,8 +17,44 @@ struct elasticity {
 struct dr_stretch {
     const struct dr_mesh *mesh;
     size_t materials;
-    struct elasticity *elasticity; /* by material */
+    struct elasticity *elasticity; /* by material; 0 in the place of a component that has a curve */
+    struct dr_curve **curve;       /* 3*materials: weft, warp, shear, NULL where linear; NULL: all linear */
 };
+
+/* The curved copy stands in a function of its own, so that its registers do not spoil the linear one's. */
+#define inlined static inline __attribute__((always_inline))
+#define apart   static __attribute__((noinline))
+
+static double stiffness(double number, const drape_curve *curve)
+{
+    return curve->points ? 0 : number;
+}
+
+static bool any_curve(const drape_material *material, size_t materials)
+{
+    for (size_t m = 0; m < materials; m++)
+        if (material[m].curve_weft.points || material[m].curve_warp.points || material[m].curve_shear.points)
+            return true;
+    return false;
+}
+
+static drape_status new_curves(struct dr_stretch *stretch, const drape_material *material,
+                               drape_error *reterr)
+{
+    stretch->curve = calloc(3 * stretch->materials, sizeof(struct dr_curve *));
+    if (!stretch->curve)
+        return dr_out_of_memory(reterr);
+    for (size_t i = 0; i < 3 * stretch->materials; i++) {
+        const drape_material *of = material + i / 3;
+        const drape_curve *curve[] = {&of->curve_weft, &of->curve_warp, &of->curve_shear};
+        if (!curve[i % 3]->points)
+            continue;
+        stretch->curve[i] = dr_curve_new(curve[i % 3]);
+        if (!stretch->curve[i])
+            return dr_out_of_memory(reterr);
+    }
+    return DRAPE_OK;
+}
 
 drape_status dr_stretch_new(const struct dr_mesh *mesh, const drape_material *material, size_t materials,
                             struct dr_stretch **ret, drape_error *reterr)
@@ -30,12 +70,19 @@ drape_status dr_stretch_new(const struct dr_mesh *mesh, const drape_material *ma
     stretch->materials = materials;
     for (size_t m = 0; m < materials; m++) {
         double nu = material[m].poisson, lateral = 1 - nu * nu;
+        double weft = stiffness(material[m].stretch_weft, &material[m].curve_weft);
+        double warp = stiffness(material[m].stretch_warp, &material[m].curve_warp);
         stretch->elasticity[m] = (struct elasticity){
-            .d11 = material[m].stretch_weft / lateral,
-            .d22 = material[m].stretch_warp / lateral,
-            .d12 = nu * sqrt(material[m].stretch_weft) * sqrt(material[m].stretch_warp) / lateral,
-            .d33 = material[m].stretch_shear,
+            .d11 = weft / lateral,
+            .d22 = warp / lateral,
+            .d12 = nu * sqrt(weft) * sqrt(warp) / lateral,
+            .d33 = stiffness(material[m].stretch_shear, &material[m].curve_shear),
         };
+    }
+    drape_status status = any_curve(material, materials) ? new_curves(stretch, material, reterr) : DRAPE_OK;
+    if (status < 0) {
+        dr_stretch_free(stretch);
+        return status;
     }
     *ret = stretch;
     return DRAPE_OK;
@@ -44,6 +91,9 @@ drape_status dr_stretch_new(const struct dr_mesh *mesh, const drape_material *ma
 struct dr_stretch *dr_stretch_free(struct dr_stretch *stretch)
 {
     if (stretch) {
+        for (size_t i = 0; stretch->curve && i < 3 * stretch->materials; i++)
+            dr_curve_free(stretch->curve[i]);
+        free(stretch->curve);
         free(stretch->elasticity);
         free(stretch);
     }
@@ -52,7 +102,10 @@ struct dr_stretch *dr_stretch_free(struct dr_stretch *stretch)
 
 size_t dr_stretch_bytes(const struct dr_stretch *stretch)
 {
-    return sizeof *stretch + stretch->materials * sizeof *stretch->elasticity;
+    size_t bytes = sizeof *stretch + stretch->materials * sizeof *stretch->elasticity;
+    for (size_t i = 0; stretch->curve && i < 3 * stretch->materials; i++)
+        bytes += sizeof(struct dr_curve *) + (stretch->curve[i] ? dr_curve_bytes(stretch->curve[i]) : 0);
+    return bytes;
 }
 
 static double dot(const double a[3], const double b[3])
@@ -90,7 +143,61 @@ static void stress_of(const struct elasticity *D, const double e[3], double s[3]
     s[2] = D->d33 * e[2];
 }
 
-double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, double *g)
+/* ---- curves ------------------------------------------------------------------------------------- */
+
+/* What one component of the strain gives, N/m each. */
+struct response {
+    double stress, tangent, energy;
+};
+
+/* S(E) = P(l - 1)/l with l = sqrt(1 + 2E), since the work P dl is S dE; compressed, the linear fabric of
+ * the slope at rest, which joins it with one tangent. dS/dE = (P' - P/l)/l^2 falls below 0 where the
+ * curve bends down. */
+static struct response pull(const struct dr_curve *curve, double E)
+{
+    if (E <= 0) {
+        double k = dr_curve_rest_slope(curve);
+        return (struct response){k * E, k, 0.5 * k * E * E};
+    }
+    double l = sqrt(1 + 2 * E);
+    struct dr_curve_value P = dr_curve_at(curve, 2 * E / (1 + l)); /* l - 1 without cancellation */
+    double S = P.stress / l;
+    return (struct response){S, (P.slope - S) / (l * l), P.work};
+}
+
+static struct response shear(const struct dr_curve *curve, double strain)
+{
+    struct dr_curve_value at = dr_curve_at(curve, fabs(strain));
+    return (struct response){copysign(at.stress, strain), at.slope, at.work};
+}
+
+/* The stress s of material m at the strain e, and the elasticity D there with tangents in the place of
+ * stiffnesses; gives the energy per area. Of a negative tangent the part `negative` in [0, 1] is kept:
+ * without it the Hessian is semi-definite, and the geometric part still holds the yarn. Components do
+ * not couple where there is a curve (poisson is 0). */
+static double curve_response(const struct dr_stretch *stretch, size_t m, const double e[3], double negative,
+                             double s[3], struct elasticity *D)
+{
+    double *diagonal[] = {&D->d11, &D->d22, &D->d33}, energy = 0;
+    *D = stretch->elasticity[m];
+    stress_of(D, e, s);
+    for (int i = 0; i < 3; i++) {
+        const struct dr_curve *curve = stretch->curve[3 * m + (size_t)i];
+        if (!curve) {
+            energy += 0.5 * s[i] * e[i];
+            continue;
+        }
+        struct response r = i < 2 ? pull(curve, e[i]) : shear(curve, e[i]);
+        energy += r.energy;
+        s[i] = r.stress;
+        *diagonal[i] = r.tangent < 0 ? negative * r.tangent : r.tangent;
+    }
+    return energy;
+}
+
+/* ---- loops over the triangles ------------------------------------------------------------------- */
+
+inlined double energy_loop(const struct dr_stretch *stretch, const double *x, double *g, const bool curved)
 {
     const struct dr_mesh *mesh = stretch->mesh;
     long double sum = 0;
@@ -98,9 +205,14 @@ double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, doub
         double fu[3], fv[3], e[3], s[3];
         gradient_of(mesh, t, x, fu, fv);
         green_strain(fu, fv, e);
-        stress_of(&stretch->elasticity[mesh->material[t]], e, s);
         double area = mesh->area[t];
-        sum += 0.5 * area * (s[0] * e[0] + s[1] * e[1] + s[2] * e[2]);
+        if (curved) {
+            struct elasticity unused;
+            sum += area * curve_response(stretch, mesh->material[t], e, 0, s, &unused);
+        } else {
+            stress_of(&stretch->elasticity[mesh->material[t]], e, s);
+            sum += 0.5 * area * (s[0] * e[0] + s[1] * e[1] + s[2] * e[2]);
+        }
         if (!g)
             continue;
         /* dE/dx_a = A F S grad a */
@@ -116,26 +228,74 @@ double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, doub
     return (double)sum;
 }
 
-void dr_stretch_stress(const struct dr_stretch *stretch, const double *x, const double *w, double *stress)
+apart double curved_energy(const struct dr_stretch *stretch, const double *x, double *g)
+{
+    return energy_loop(stretch, x, g, true);
+}
+
+double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, double *g)
+{
+    return stretch->curve ? curved_energy(stretch, x, g) : energy_loop(stretch, x, g, false);
+}
+
+/* B w = (F_u.w_u, F_v.w_v, F_u.w_v + F_v.w_u) of triangle t, added to e. */
+inlined void add_strain_step(const struct dr_mesh *mesh, size_t t, const double fu[3], const double fv[3],
+                             const double *w, double e[3])
+{
+    double wu[3], wv[3];
+    gradient_of(mesh, t, w, wu, wv);
+    e[0] += dot(fu, wu);
+    e[1] += dot(fv, wv);
+    e[2] += dot(fu, wv) + dot(fv, wu);
+}
+
+static void predict_on_curves(const struct dr_stretch *stretch, size_t t, const double fu[3],
+                              const double fv[3], const double e[3], const double *w, double s[3])
+{
+    struct elasticity D;
+    double step[3] = {0, 0, 0}, more[3];
+    curve_response(stretch, stretch->mesh->material[t], e, 0, s, &D);
+    if (!w)
+        return;
+    add_strain_step(stretch->mesh, t, fu, fv, w, step);
+    stress_of(&D, step, more);
+    for (int i = 0; i < 3; i++)
+        s[i] += more[i];
+}
+
+inlined void stress_loop(const struct dr_stretch *stretch, const double *x, const double *w, double *stress,
+                         const bool curved)
 {
     const struct dr_mesh *mesh = stretch->mesh;
     for (size_t t = 0; t < mesh->triangles; t++) {
         double fu[3], fv[3], e[3];
         gradient_of(mesh, t, x, fu, fv);
         green_strain(fu, fv, e);
-        if (w) { /* B w = (F_u.w_u, F_v.w_v, F_u.w_v + F_v.w_u) */
-            double wu[3], wv[3];
-            gradient_of(mesh, t, w, wu, wv);
-            e[0] += dot(fu, wu);
-            e[1] += dot(fv, wv);
-            e[2] += dot(fu, wv) + dot(fv, wu);
+        if (curved) {
+            predict_on_curves(stretch, t, fu, fv, e, w, stress + 3 * t);
+            continue;
         }
+        if (w)
+            add_strain_step(mesh, t, fu, fv, w, e);
         stress_of(&stretch->elasticity[mesh->material[t]], e, stress + 3 * t);
     }
 }
 
+apart void curved_stress(const struct dr_stretch *stretch, const double *x, const double *w, double *stress)
+{
+    stress_loop(stretch, x, w, stress, true);
+}
+
+void dr_stretch_stress(const struct dr_stretch *stretch, const double *x, const double *w, double *stress)
+{
+    if (stretch->curve)
+        curved_stress(stretch, x, w, stress);
+    else
+        stress_loop(stretch, x, w, stress, false);
+}
+
 /* Replaces the symmetric 2x2 (s0 s2; s2 s1) by its positive part, sum of max(lambda,0) v v'. */
-static void tensile_part(double s[3])
+inlined void tensile_part(double s[3])
 {
     double mean = 0.5 * (s[0] + s[1]), half = 0.5 * (s[0] - s[1]);
     double radius = hypot(half, s[2]);
@@ -153,16 +313,23 @@ static void tensile_part(double s[3])
     s[2] = c * s[2];
 }
 
-void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const double *stress,
-                        struct dr_matrix *A)
+inlined void hessian_loop(const struct dr_stretch *stretch, const double *x, const double *stress,
+                          double compression, struct dr_matrix *A, const bool curved)
 {
     const struct dr_mesh *mesh = stretch->mesh;
     for (size_t t = 0; t < mesh->triangles; t++) {
         const struct elasticity *D = &stretch->elasticity[mesh->material[t]];
+        struct elasticity tangent;
         const double *grad = mesh->grad + 6 * t;
         double area = mesh->area[t];
         double fu[3], fv[3], B[3][9], DB[3][9], H[9][9];
         gradient_of(mesh, t, x, fu, fv);
+        if (curved) {
+            double e[3], unused[3];
+            green_strain(fu, fv, e);
+            curve_response(stretch, mesh->material[t], e, compression, unused, &tangent);
+            D = &tangent;
+        }
         for (int a = 0; a < 3; a++)
             for (int d = 0; d < 3; d++) {
                 B[0][3 * a + d] = fu[d] * grad[2 * a];
@@ -180,6 +347,8 @@ void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const
 
         double s[3] = {stress[3 * t], stress[3 * t + 1], stress[3 * t + 2]};
         tensile_part(s);
+        for (int k = 0; k < 3; k++)
+            s[k] += compression * (stress[3 * t + (size_t)k] - s[k]);
         for (int a = 0; a < 3; a++)
             for (int b = 0; b <= a; b++) {
                 const double *ga = grad + 2 * a, *gb = grad + 2 * b;
@@ -190,4 +359,57 @@ void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const
             }
         dr_matrix_add_triangle(A, t, H);
     }
+}
+
+apart void curved_hessian(const struct dr_stretch *stretch, const double *x, const double *stress,
+                          double compression, struct dr_matrix *A)
+{
+    hessian_loop(stretch, x, stress, compression, A, true);
+}
+
+void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const double *stress,
+                        double compression, struct dr_matrix *A)
+{
+    if (stretch->curve)
+        curved_hessian(stretch, x, stress, compression, A);
+    else
+        hessian_loop(stretch, x, stress, compression, A, false);
+}
+
+inlined double second_order_loop(const struct dr_stretch *stretch, const double *x, const double *w,
+                                 double *ret_strain, const bool curved)
+{
+    const struct dr_mesh *mesh = stretch->mesh;
+    long double sum = 0;
+    double largest = 0;
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        struct elasticity D = stretch->elasticity[mesh->material[t]];
+        double wu[3], wv[3], s[3];
+        gradient_of(mesh, t, w, wu, wv);
+        if (curved) {
+            double fu[3], fv[3], e[3];
+            gradient_of(mesh, t, x, fu, fv);
+            green_strain(fu, fv, e);
+            curve_response(stretch, mesh->material[t], e, 0, s, &D);
+        }
+        double e2[3] = {0.5 * dot(wu, wu), 0.5 * dot(wv, wv), dot(wu, wv)};
+        stress_of(&D, e2, s);
+        sum += 0.5 * mesh->area[t] * (s[0] * e2[0] + s[1] * e2[1] + s[2] * e2[2]);
+        largest = fmax(largest, fmax(e2[0], e2[1]));
+    }
+    *ret_strain = largest;
+    return (double)sum;
+}
+
+apart double curved_second_order(const struct dr_stretch *stretch, const double *x, const double *w,
+                                 double *ret_strain)
+{
+    return second_order_loop(stretch, x, w, ret_strain, true);
+}
+
+double dr_stretch_second_order(const struct dr_stretch *stretch, const double *x, const double *w,
+                               double *ret_strain)
+{
+    return stretch->curve ? curved_second_order(stretch, x, w, ret_strain)
+                          : second_order_loop(stretch, x, w, ret_strain, false);
 }

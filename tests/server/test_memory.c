@@ -67,7 +67,8 @@ static const char JOB[] =
     "{\"name\": \"square\", \"labels\": {\"order\": \"4711\"}, \"cloth\": {\"mesh\": {"
     " \"positions\": [0,1,0, 1,1,0, 0,1,1, 1,1,0, 0,1,1, 1,1,1], \"triangles\": [0,2,1, 3,4,5],"
     " \"pattern\": [0,0, 1,0, 0,1, 1,0, 0,1, 1,1]}, \"seams\": [1,3, 2,4], \"pins\": [0],"
-    " \"materials\": [{\"preset\": \"linen\"}, {\"preset\": \"denim\"}], \"triangle_material\": [1, 0]},"
+    " \"materials\": [{\"preset\": \"linen\"}, {\"preset\": \"denim\", \"poisson\": 0,"
+    " \"stretch\": {\"weft\": [[0.1, 5]], \"shear\": [[0.1, 2], [0.2, 9]]}}], \"triangle_material\": [1, 0]},"
     " \"bodies\": [{\"mesh\": {\"positions\": [0,-7,0, 1,-7,0, 0,-7,1, 0,-6,0],"
     " \"triangles\": [0,1,2, 0,3,1, 1,3,2, 0,2,3]}}]}";
 static const char OBJ[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";

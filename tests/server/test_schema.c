@@ -203,6 +203,90 @@ static void test_schema__explicit_material_fills_the_isotropic_shear_and_twist(v
     job_spec_free(spec);
 }
 
+static void test_schema__strain_stress_curves_are_read(void **state)
+{
+    (void)state;
+    struct job_spec *spec = parse_with(
+        "/cloth/materials/0",
+        "{\"density\": 0.2, \"bend\": 4e-6, \"stretch\": {\"weft\": [[0, 0], [0.05, 10], [0.1, 40]],"
+        " \"warp\": 300, \"shear\": [[0.2, 5]]}}");
+    const drape_material *m = spec->scene.material;
+    const double weft[] = {0, 0, 0.05, 10, 0.1, 40}, shear[] = {0.2, 5};
+    assert_int_equal(m->curve_weft.points, 3);
+    assert_memory_equal(m->curve_weft.point, weft, sizeof weft);
+    assert_int_equal(m->curve_warp.points, 0);
+    assert_close(m->stretch_warp, 300, 0);
+    assert_int_equal(m->curve_shear.points, 1);
+    assert_memory_equal(m->curve_shear.point, shear, sizeof shear);
+    job_spec_free(spec);
+
+    /* Shear not given: the isotropic one of the first slopes, 200 and 300. */
+    spec = parse_with("/cloth/materials/0", "{\"density\": 0.2, \"bend\": 4e-6, \"stretch\":"
+                                            " {\"weft\": [[0, 0], [0.05, 10], [0.1, 40]], \"warp\": 300}}");
+    assert_close(spec->material->stretch_shear, 125, 1e-15);
+    job_spec_free(spec);
+
+    /* Beside a preset a curve replaces one number; the preset's Poisson ratio has to go. */
+    spec = parse_with("/cloth/materials/0",
+                      "{\"preset\": \"denim\", \"poisson\": 0, \"stretch\": {\"warp\": [[0.1, 400]]}}");
+    assert_close(spec->material->stretch_weft, materials_find("denim")->material.stretch_weft, 0);
+    assert_int_equal(spec->material->curve_warp.points, 1);
+    job_spec_free(spec);
+}
+
+/* A curve of n points as JSON; to be freed. */
+static char *curve_text(int n)
+{
+    json_t *array = json_array();
+    for (int i = 1; i <= n; i++)
+        json_array_append_new(array, json_pack("[ff]", 0.01 * i, 5.0 * i));
+    char *text = json_dumps(array, 0);
+    json_decref(array);
+    return text;
+}
+
+static void test_schema__curves_have_a_limit_of_points(void **state)
+{
+    (void)state;
+    for (int past = 0; past <= 1; past++) {
+        char value[8192], *curve = curve_text(DRAPE_MAX_CURVE_POINTS + past);
+        snprintf(value, sizeof value,
+                 "{\"density\": 0.2, \"bend\": 0, \"stretch\": {\"weft\": 1, \"warp\": %s}}", curve);
+        if (past) {
+            char *text = with("/cloth/materials/0", value);
+            expect_text(text, &limits_default, PROBLEM_TOO_LARGE, "/cloth/materials/0/stretch/warp");
+            free(text);
+        } else {
+            struct job_spec *spec = parse_with("/cloth/materials/0", value);
+            assert_int_equal(spec->material->curve_warp.points, DRAPE_MAX_CURVE_POINTS);
+            job_spec_free(spec);
+        }
+        free(curve);
+    }
+}
+
+static void test_schema__wrong_curves_are_refused_at_their_place(void **state)
+{
+    (void)state;
+    static const struct refusal REFUSAL[] = {
+        {"/cloth/materials/0/stretch/weft", "[]", NULL},
+        {"/cloth/materials/0/stretch/weft", "[0.1, 5, 0.2, 20]", "/cloth/materials/0/stretch/weft/0"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], 7]", "/cloth/materials/0/stretch/weft/1"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2]]", "/cloth/materials/0/stretch/weft/1"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2, 6, 7]]", "/cloth/materials/0/stretch/weft/1"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2, \"6\"]]",
+         "/cloth/materials/0/stretch/weft/1/1"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], []]", "/cloth/materials/0/stretch/weft/1"},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2, 4]]", NULL},
+        {"/cloth/materials/0/stretch/warp", "[[0.1, 5], [0.1, 6]]", NULL},
+        {"/cloth/materials/0/stretch/shear", "[[0, 0]]", NULL},
+        {"/cloth/materials/0/stretch/shear", "[[0, 1], [0.1, 5]]", NULL},
+        {"/cloth/materials/0/stretch/shear", "[[-0.1, 1]]", NULL},
+        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2, 20]]", "/cloth/materials/0/poisson"},
+    };
+    expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_INVALID);
+}
+
 static void test_schema__members_beside_a_preset_replace_its_own(void **state)
 {
     (void)state;
@@ -364,19 +448,9 @@ static void test_schema__what_the_contract_has_and_this_version_not_is_unsupport
 {
     (void)state;
     static const struct refusal REFUSAL[] = {
-        {"/bodies/0/friction", "0.3", NULL},
-        {"/bodies/0/motion", "[]", NULL},
-        {"/bodies/0/motion_seconds", "1", NULL},
-        {"/start_from", "\"0123\"", NULL},
-        {"/self_contact", "\"on\"", NULL},
-        {"/solver/method", "\"quasi-static\"", NULL},
-        {"/solver/method", "\"newton\"", NULL},
-        {"/solver/integrator", "\"bdf2\"", NULL},
-        {"/solver/integrator", "\"rk4\"", NULL},
-        {"/solver/damping/air", "0.1", NULL},
-        {"/solver/damping/material", "0.1", NULL},
-        {"/solver/certify", "true", NULL},
-        {"/cloth/materials/0/stretch/weft", "[[0.1, 5], [0.2, 20]]", NULL},
+        {"/bodies/0/friction", "0.3", NULL},     {"/bodies/0/motion", "[]", NULL},
+        {"/bodies/0/motion_seconds", "1", NULL}, {"/start_from", "\"0123\"", NULL},
+        {"/self_contact", "\"on\"", NULL},       {"/solver/certify", "true", NULL},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
 }
@@ -388,6 +462,9 @@ static void test_schema__what_the_solver_refuses_is_refused_at_its_place(void **
         {"/cloth/mesh/triangles", "[0,2,1, 1,2,2]", "/cloth/mesh/triangles/3"},
         {"/cloth/mesh/pattern", "[0,0, 1,0, 0,1, 0.5,0.5]", "/cloth/mesh/triangles/3"},
         {"/cloth/seams", "[3,3, 1,2]", "/cloth/seams/2"},
+        {"/solver", "{\"damping\": {\"air\": 1}, \"integrator\": \"bdf2\", \"method\": \"dynamic\"}",
+         "/solver/damping/air"},
+        {"/solver", "{\"damping\": {\"material\": 1}}", "/solver/damping/material"},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_INVALID);
 }
@@ -834,6 +911,9 @@ int main(void)
         cmocka_unit_test(test_schema__solver_options_are_read),
         cmocka_unit_test(test_schema__bodies_of_every_kind_are_read),
         cmocka_unit_test(test_schema__explicit_material_fills_the_isotropic_shear_and_twist),
+        cmocka_unit_test(test_schema__strain_stress_curves_are_read),
+        cmocka_unit_test(test_schema__curves_have_a_limit_of_points),
+        cmocka_unit_test(test_schema__wrong_curves_are_refused_at_their_place),
         cmocka_unit_test(test_schema__members_beside_a_preset_replace_its_own),
         cmocka_unit_test(test_schema__seams_labels_and_materials_by_triangle_are_read),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),

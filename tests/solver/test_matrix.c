@@ -71,13 +71,13 @@ static void release(struct system *s)
 }
 
 /* Assembles the same random but positive definite system both ways. */
-static struct dr_matrix *assemble(struct system *s)
+static struct dr_matrix *assemble(struct system *s, enum dr_factor factor)
 {
     struct dr_matrix *A = NULL;
     uint64_t seed = 5;
     const double dt = 0.1;
-    assert_int_equal(dr_matrix_new(s->mesh, s->bend, s->link, 2, &A, NULL), DRAPE_OK);
-    dr_matrix_set_base(A, dt);
+    assert_int_equal(dr_matrix_new(s->mesh, s->bend, s->link, 2, factor, &A, NULL), DRAPE_OK);
+    dr_matrix_set_base(A, 1 / (dt * dt));
     dr_matrix_reset(A);
     for (uint32_t i = 0; i < NODES; i++)
         for (int d = 0; d < 3; d++)
@@ -137,7 +137,7 @@ static void test_matrix__solve_leaves_no_residual_in_dense_arithmetic(void **sta
     (void)state;
     static struct system s;
     make(&s);
-    struct dr_matrix *A = assemble(&s);
+    struct dr_matrix *A = assemble(&s, DR_CHOLESKY);
     assert_int_equal(dr_matrix_free_nodes(A), NODES - 2);
     double b0[N], b1[N], w0[N], w1[N];
     uint64_t seed = 8;
@@ -171,9 +171,9 @@ static void test_matrix__one_and_two_right_hand_sides_give_the_same_bytes(void *
     (void)state;
     static struct system s;
     make(&s);
-    struct dr_matrix *A = assemble(&s), *B;
+    struct dr_matrix *A = assemble(&s, DR_CHOLESKY), *B;
     memset(s.dense, 0, sizeof s.dense);
-    B = assemble(&s);
+    B = assemble(&s, DR_CHOLESKY);
     double b[N], w0[N], w1[N];
     for (int i = 0; i < N; i++)
         b[i] = i;
@@ -193,7 +193,7 @@ static void test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory(void *
     (void)state;
     static struct system s;
     make(&s);
-    struct dr_matrix *A = assemble(&s);
+    struct dr_matrix *A = assemble(&s, DR_CHOLESKY);
     dr_matrix_add_node(A, 9, (const double[6]){-1000, 0, 0, 0, 0, 0});
     bool memory = true;
     assert_false(dr_matrix_factorise(A, &memory));
@@ -211,10 +211,10 @@ static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **sta
     struct dr_mesh *mesh;
     struct dr_matrix *A;
     assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
-    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, &A, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
     double b[9] = {1, 2, 3}, w[9] = {7, 7, 7, 7, 7, 7, 7, 7, 7}, H[9][9] = {{0}};
     bool memory;
-    dr_matrix_set_base(A, 0.1);
+    dr_matrix_set_base(A, 100);
     dr_matrix_reset(A);
     dr_matrix_add_triangle(A, 0, H);
     assert_true(dr_matrix_factorise(A, &memory));

@@ -1,7 +1,9 @@
 /* test_scene.c - what a scene refuses and where it says the fault is; welding. */
 #include "test.h"
 
+#include "scarce.h"
 #include "scene.h"
+#include "stretch.h"
 
 /* Two unit squares side by side, 5 mm apart: vertices 0-3 and 4-7, to be sewn 1-4 and 3-6. */
 struct example {
@@ -180,6 +182,124 @@ static void test_scene__names_the_material_member_at_fault(void **state)
     }
 }
 
+static const struct {
+    size_t curve;
+    const char *member;
+} CURVE[] = {{offsetof(drape_material, curve_weft), "stretch_weft"},
+             {offsetof(drape_material, curve_warp), "stretch_warp"},
+             {offsetof(drape_material, curve_shear), "stretch_shear"}};
+
+static void test_scene__names_the_curve_at_fault_and_its_point(void **state)
+{
+    (void)state;
+    const struct {
+        size_t points;
+        double point[6];
+        const char *says;
+    } row[] = {
+        {3, {0, 0, 0.1, 2, 0.1, 3}, "point 2 has strain 0.1, not above"},
+        {2, {0.1, 2, 0.2, 1}, "point 1 has stress 1, below"},
+        {3, {0, 0, 0.1, 0, 0.2, 1}, "point 1 has stress 0 after 0: the first step must rise"},
+        {2, {0.1, 2, 0.2, 2}, "the last step"},
+        {1, {-0.1, 2}, "point 0 has strain -0.1"},
+        {1, {0.1, -2}, "point 0 has stress -2"},
+        {2, {0, 1, 0.1, 2}, "starts at rest"},
+        {1, {0, 0}, "beyond rest"},
+        {2, {0.1, 2, NAN, 3}, "point 1 is not finite"},
+        {2, {0.1, 2, 0.2, INFINITY}, "point 1 is not finite"},
+        {1, {1e-300, 1e300}, "rises by inf"},
+        {1, {1, nextafter(DRAPE_MAX_MATERIAL, INFINITY)}, "rises by 1e+12"},
+        {1, {1, nextafter(DRAPE_MIN_MATERIAL, 0)}, "the first step must rise"},
+        {DRAPE_MAX_CURVE_POINTS + 1, {0.1, 2}, "65 points are more than the limit of 64"},
+    };
+    for (size_t c = 0; c < 3; c++) {
+        for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+            struct example e = make();
+            bind(&e);
+            drape_curve curve = {row[i].points, row[i].point};
+            memcpy((char *)&e.material + CURVE[c].curve, &curve, sizeof curve);
+            refused(&e, DRAPE_AT_MATERIAL, 0, CURVE[c].member, row[i].says);
+        }
+        struct example e = make();
+        bind(&e);
+        drape_curve curve = {1, NULL};
+        memcpy((char *)&e.material + CURVE[c].curve, &curve, sizeof curve);
+        refused(&e, DRAPE_AT_MATERIAL, 0, CURVE[c].member, "missing");
+        for (int most = 0; most < 2; most++) { /* exactly the limits are fine */
+            const double limit[] = {1, most ? DRAPE_MAX_MATERIAL : DRAPE_MIN_MATERIAL};
+            curve.point = limit;
+            memcpy((char *)&e.material + CURVE[c].curve, &curve, sizeof curve);
+            assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
+        }
+        curve.point = (const double[]){0.1, 2};
+        memcpy((char *)&e.material + CURVE[c].curve, &curve, sizeof curve);
+        e.material.poisson = 1e-9;
+        refused(&e, DRAPE_AT_MATERIAL, 0, "poisson", "beside a strain-stress curve");
+    }
+}
+
+static void test_scene__copies_curves_and_reads_no_number_beside_them(void **state)
+{
+    (void)state;
+    double weft[2 * DRAPE_MAX_CURVE_POINTS], shear[] = {0.2, 3};
+    for (int i = 0; i < DRAPE_MAX_CURVE_POINTS; i++) { /* exactly the limit is fine */
+        weft[2 * i] = 0.01 * (i + 1);
+        weft[2 * i + 1] = i + 1;
+    }
+    struct example e = make();
+    bind(&e);
+    drape_scene *plain = NULL, *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &plain, NULL), DRAPE_OK);
+    e.material.curve_weft = (drape_curve){DRAPE_MAX_CURVE_POINTS, weft};
+    e.material.curve_shear = (drape_curve){1, shear};
+    e.material.stretch_weft = e.material.stretch_shear = NAN;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    const drape_curve *kept = &scene->material->curve_weft;
+    assert_true(kept->point != weft && kept->points == DRAPE_MAX_CURVE_POINTS);
+    assert_memory_equal(kept->point, weft, sizeof weft);
+    assert_true(scene->material->curve_shear.point != shear);
+    assert_memory_equal(scene->material->curve_shear.point, shear, sizeof shear);
+    assert_null(scene->material->curve_warp.point);
+    assert_null(plain->curve_point);
+    assert_int_equal(dr_scene_bytes(scene) - dr_scene_bytes(plain), sizeof weft + sizeof shear);
+    drape_scene_free(plain);
+    drape_scene_free(scene);
+}
+
+#ifdef CAN_FAIL_ALLOCATIONS
+static void test_scene__every_allocation_of_a_curved_cloth_may_fail(void **state)
+{
+    (void)state;
+    const double point[] = {0.1, 2, 0.2, 6};
+    struct example e = make();
+    bind(&e);
+    e.material.curve_weft = e.material.curve_warp = e.material.curve_shear = (drape_curve){2, point};
+    long failed = 0;
+    for (long n = 0;; n++) {
+        drape_scene *scene = NULL;
+        struct dr_stretch *stretch = NULL;
+        long before = held;
+        countdown = n;
+        drape_status status = drape_scene_new(&e.desc, &scene, NULL);
+        if (status >= 0)
+            status = dr_stretch_new(scene->mesh, scene->material, scene->materials, &stretch, NULL);
+        bool reached = countdown < 0;
+        countdown = -1;
+        dr_stretch_free(stretch);
+        drape_scene_free(scene);
+        assert_int_equal(held, before);
+        if (!reached)
+            break;
+        if (status < 0) { /* a failure may also be survived, as by CHOLMOD's second try */
+            assert_int_equal(status, DRAPE_ENOMEM);
+            failed++;
+        }
+    }
+    print_message("made %ld allocations fail\n", failed);
+    assert_true(failed > 20);
+}
+#endif
+
 static void test_scene__blames_the_seam_that_ruins_the_surface(void **state)
 {
     (void)state;
@@ -314,6 +434,11 @@ int main(void)
         cmocka_unit_test(test_scene__names_the_vertex_that_is_not_finite),
         cmocka_unit_test(test_scene__names_every_index_out_of_range),
         cmocka_unit_test(test_scene__names_the_material_member_at_fault),
+        cmocka_unit_test(test_scene__names_the_curve_at_fault_and_its_point),
+        cmocka_unit_test(test_scene__copies_curves_and_reads_no_number_beside_them),
+#ifdef CAN_FAIL_ALLOCATIONS
+        cmocka_unit_test(test_scene__every_allocation_of_a_curved_cloth_may_fail),
+#endif
         cmocka_unit_test(test_scene__blames_the_seam_that_ruins_the_surface),
         cmocka_unit_test(test_scene__a_vertex_sewn_to_itself_asks_for_nothing),
         cmocka_unit_test(test_scene__pins_of_one_node_must_agree),

@@ -105,6 +105,8 @@ static void test_sim__hanging_square_comes_to_rest_and_says_so(void **state)
     (void)state;
     struct example e;
     make(&e);
+    e.options.method = DRAPE_METHOD_STOP_AND_GO;
+    e.options.stop_on = DRAPE_STOP_ON_KINETIC;
     drape_scene *scene;
     drape_sim *sim = run(&e, &scene, DRAPE_OK);
     const drape_report *report = drape_sim_report(sim);
@@ -251,7 +253,20 @@ static void test_sim__options_are_refused_past_their_limits(void **state)
         drape_options options;
         const char *member;
     } bad[] = {
-        {{.method = (drape_method)3, .time_step = 1, .tolerance = 1, .time_limit = 1}, "method"},
+        {{.method = (drape_method)(DRAPE_METHOD_NEWTON + 1), .time_step = 1, .tolerance = 1, .time_limit = 1},
+         "method"},
+        {{.integrator = (drape_integrator)(DRAPE_RK4 + 1), .time_step = 1, .tolerance = 1, .time_limit = 1},
+         "integrator"},
+        {{.air_damping = -1, .time_step = 1, .tolerance = 1, .time_limit = 1}, "air_damping"},
+        {{.material_damping = NAN, .time_step = 1, .tolerance = 1, .time_limit = 1}, "material_damping"},
+        {{.air_damping = 1, .time_step = 1, .tolerance = 1, .time_limit = 1}, "air_damping"}, /* by auto */
+        {{.method = DRAPE_METHOD_DYNAMIC,
+          .integrator = DRAPE_BDF2,
+          .material_damping = 1,
+          .time_step = 1,
+          .tolerance = 1,
+          .time_limit = 1},
+         "material_damping"},
         {{.stop_on = (drape_stop_rule)2, .time_step = 1, .tolerance = 1, .time_limit = 1}, "stop_on"},
         {{.time_step = 0.99e-6, .tolerance = 1, .time_limit = 1}, "time_step"},
         {{.time_step = 1001, .tolerance = 1, .time_limit = 1}, "time_step"},
@@ -365,6 +380,22 @@ static void test_sim__a_piece_that_misses_the_body_slides_off(void **state)
     drape_scene_free(scene);
 }
 
+/* Every way there is to go to rest. */
+static const struct {
+    drape_method method;
+    drape_integrator integrator;
+    long workspaces; /* that CHOLMOD takes and returns of its own at each iteration */
+} way[] = {
+    {DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, 4}, /* up to two factorisations */
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BACKWARD_EULER, 2},
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BDF2, 2},
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_IMPLICIT_MIDPOINT, 2},
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_RK4, 0},
+    {DRAPE_METHOD_DYNAMIC, DRAPE_BACKWARD_EULER, 2},
+    {DRAPE_METHOD_QUASI_STATIC, DRAPE_BACKWARD_EULER, 2},
+};
+#define WAYS (sizeof way / sizeof *way)
+
 #ifdef CAN_FAIL_ALLOCATIONS
 static int note_allocations(const drape_progress *progress, void *data)
 {
@@ -377,32 +408,30 @@ static int note_allocations(const drape_progress *progress, void *data)
 static void test_sim__iterations_allocate_nothing_of_their_own(void **state)
 {
     (void)state;
-    struct example e;
-    make(&e);
-    long at[64] = {0};
-    e.options.progress = note_allocations;
-    e.options.progress_data = at;
-    e.options.max_iterations = 60;
-    e.options.tolerance = 1e-9;
-    drape_scene *scene;
-    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
-    /* CHOLMOD takes and returns two workspaces of its own at each factorisation. */
-    for (int i = 3; i < 60; i++)
-        assert_in_range(at[i] - at[i - 1], 0, 2);
-    drape_sim_free(sim);
-    drape_scene_free(scene);
+    for (size_t k = 0; k < WAYS; k++) {
+        struct example e;
+        make(&e);
+        long at[64] = {0};
+        e.options.method = way[k].method;
+        e.options.integrator = way[k].integrator;
+        e.options.progress = note_allocations;
+        e.options.progress_data = at;
+        e.options.max_iterations = 60;
+        e.options.time_step = way[k].integrator == DRAPE_RK4 ? 1e-4 : 0.02;
+        e.options.tolerance = 1e-300;
+        drape_scene *scene;
+        drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+        assert_int_equal(drape_sim_report(sim)->iterations, 60);
+        for (int i = 3; i < 60; i++)
+            assert_in_range(at[i] - at[i - 1], 0, way[k].workspaces);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
 }
 
-static void test_sim__every_allocation_may_fail(void **state)
+/* Makes each allocation of a run fail in turn; returns how many failures were told. */
+static long sweep(struct example *e)
 {
-    (void)state;
-    struct example e;
-    make(&e);
-    cut(&e);
-    drape_body ball = {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.1, -0.5, 0.1}, .radius = 0.05};
-    e.desc.body = &ball;
-    e.desc.bodies = 1;
-    e.options.max_iterations = 2;
     long failed = 0;
     for (long n = 0;; n++) {
         drape_scene *scene = NULL;
@@ -410,9 +439,9 @@ static void test_sim__every_allocation_may_fail(void **state)
         drape_error error = {0};
         long before = held;
         countdown = n;
-        drape_status status = drape_scene_new(&e.desc, &scene, &error);
+        drape_status status = drape_scene_new(&e->desc, &scene, &error);
         if (status >= 0)
-            status = drape_sim_new(scene, &e.options, &sim, &error);
+            status = drape_sim_new(scene, &e->options, &sim, &error);
         if (status >= 0)
             status = drape_sim_run(sim, &error);
         bool reached = countdown < 0;
@@ -428,8 +457,33 @@ static void test_sim__every_allocation_may_fail(void **state)
             failed++;
         }
     }
-    print_message("made %ld allocations fail\n", failed);
+    return failed;
+}
+
+static void test_sim__every_allocation_may_fail(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    cut(&e);
+    drape_body ball = {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0.1, -0.5, 0.1}, .radius = 0.05};
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 2;
+    long failed = sweep(&e);
     assert_true(failed > 50);
+    for (size_t k = 0; k < WAYS; k++) {
+        make(&e);
+        e.options.method = way[k].method;
+        e.options.integrator = way[k].integrator;
+        e.options.max_iterations = 2;
+        failed += sweep(&e);
+    }
+    make(&e);
+    e.options.method = DRAPE_METHOD_NEWTON;
+    e.options.max_iterations = 2;
+    failed += sweep(&e);
+    print_message("made %ld allocations fail\n", failed);
 }
 #endif
 

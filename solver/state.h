@@ -1,0 +1,82 @@
+/* state.h - the state of one drape, and the interface of the methods that move it.
+ *
+ * The page that drapes (relax.c) knows rest, stops, records and budgets; a method knows how to go from one
+ * state to the next. At each state `assess` comes first (factorises, say; leaves row.residual_energy), the
+ * row is recorded, and unless the run ends there `advance` moves on. Belongs to one thread. */
+#ifndef DR_STATE_H
+#define DR_STATE_H
+
+#include "sim.h"
+
+#define DR_CONTACT_DEPTH 0.002 /* m below a body's surface that one step may end: nothing tunnels */
+
+struct dr_state;
+
+struct dr_method {
+    enum dr_cloth_matrix matrix;
+    bool moves;     /* it has velocities: kinetic energy, stops */
+    unsigned extra; /* arrays of 3*nodes it wants in state.extra, at most DR_MAX_EXTRA */
+    drape_status (*assess)(struct dr_state *s, drape_error *reterr);
+    drape_status (*advance)(struct dr_state *s, drape_error *reterr);
+};
+
+#define DR_MAX_EXTRA 4
+
+struct dr_state { /* arrays are 3*nodes */
+    struct drape_sim *sim;
+    struct dr_cloth *cloth;
+    const struct dr_method *method;
+    double *x, *f;               /* where we are */
+    double *v;                   /* NULL when the method has no velocities */
+    double *w;                   /* the step */
+    double *x_next, *f_next;     /* where the step leads */
+    double *best;                /* lowest potential energy seen */
+    double *extra[DR_MAX_EXTRA]; /* the method's own, zero at first */
+    drape_row row, best_row;
+    double weight;                               /* N: what residual_force is relative to */
+    double previous_potential, previous_kinetic; /* J, one iteration back */
+    double work;         /* J: of the potential forces over the last step, by the trapezoid rule */
+    bool moving;         /* velocities may be nonzero */
+    bool fresh;          /* no step since the start or the last stop: there is no history */
+    const char *gave_up; /* why the method can go no further; NULL: it can */
+
+    /* mixed.c */
+    double h;                    /* s: the regularisation M/h^2 */
+    double compression;          /* share of the compressive stress to blend back next */
+    double strain, ratio;        /* of the last step: second-order strain; actual over predicted decrease */
+    unsigned wait;               /* iterations until blending is tried again */
+    unsigned rejected;           /* steps in a row */
+    bool blended, pivot_failed;  /* this iteration's factor */
+    double lowest, lowest_force; /* potential (J) and residual force so far, and the iteration that last */
+    uint32_t lowest_at;          /* brought either down */
+    unsigned bites;              /* of the watchdog */
+};
+
+/* The method that the options name for this scene. */
+const struct dr_method *dr_method_of(const struct drape_sim *sim);
+
+extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, dr_quasi_static, dr_rk4,
+    dr_newton, dr_mixed;
+
+/* Assembles with `compression`, factorises, and accounts for the time. *ret_definite tells whether that
+ * went well; the status is negative only when memory ran out. */
+drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
+                                drape_error *reterr);
+
+/* Solves for one or two right-hand sides with the last factor, and accounts for the time. */
+drape_status dr_state_solve(struct dr_state *s, size_t count, const double *const b[], double *const w[],
+                            drape_error *reterr);
+
+/* a.b over the free nodes. */
+double dr_state_dot(const struct dr_state *s, const double *a, const double *b);
+
+/* Shortens the step w where it is too long for a scene with bodies; does nothing without. */
+void dr_state_limit(struct dr_state *s);
+
+/* Makes x_next, with energies and f_next there, the present state; w is the step that led to it. A method
+ * with velocities has set them before. */
+void dr_state_arrive(struct dr_state *s, const drape_energies *energy);
+
+double dr_state_kinetic(const struct dr_state *s);
+
+#endif
