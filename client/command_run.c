@@ -89,6 +89,14 @@ static int check_extension(const char *path, const char *const *known, const cha
 static const char *const result_formats[] = {"glb", "obj", "ply", "json", NULL};
 static const char *const trace_formats[] = {"csv", "json", "svg", NULL};
 
+/* A drape is not lost because the file could not be written. */
+static void hint_fetch(const char *id, const char *kind, struct failure *failure)
+{
+    if (failure->code == EXIT_LOCAL) {
+        failure_add(failure, "try: the server keeps it: `drape %s %s -o FILE` fetches it again", kind, id);
+    }
+}
+
 static int fetch_file(struct http *http, const char *id, const char *kind, const char *path,
                       struct failure *failure)
 {
@@ -98,6 +106,9 @@ static int fetch_file(struct http *http, const char *id, const char *kind, const
     int status = job_fetch(http, id, kind, format, &reply, failure);
     if (status == 0) {
         status = textfile_write(path, reply.body, reply.bytes, failure);
+        if (status < 0) {
+            hint_fetch(id, kind, failure);
+        }
     }
     http_reply_done(&reply);
     return status;

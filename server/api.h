@@ -27,8 +27,9 @@ struct api { /* wired by main; outlives the listeners */
     struct metrics *metrics;
     struct waits *waits;
     struct executor *clerk, *reader;
-    const char *blas;  /* the BLAS kernel in use */
-    atomic_bool ready; /* started, and not stopping */
+    const char *blas;     /* the BLAS kernel in use */
+    atomic_bool ready;    /* started, and not stopping */
+    atomic_bool writable; /* the data folder took a write when last asked */
 };
 
 struct call;

@@ -64,13 +64,18 @@ void admin_livez(struct call *call)
     http_send(call->request, http_answer_static(200, "text/plain; charset=utf-8", "ok\n", 3));
 }
 
+/* Not asked is whether the queue is full: that is for POST to say, and those who follow jobs need us. */
 void admin_readyz(struct call *call)
 {
-    static const char no[] = "stopping\n";
-    if (atomic_load(&call->api->ready))
-        http_send(call->request, http_answer_static(200, "text/plain; charset=utf-8", "ok\n", 3));
+    int status = 503;
+    const char *text = "ok\n";
+    if (!atomic_load(&call->api->ready))
+        text = "stopping\n";
+    else if (!atomic_load(&call->api->writable))
+        text = "the data folder takes no writes\n";
     else
-        http_send(call->request, http_answer_static(503, "text/plain; charset=utf-8", no, sizeof no - 1));
+        status = 200;
+    http_send(call->request, http_answer_static(status, "text/plain; charset=utf-8", text, strlen(text)));
 }
 
 void admin_metrics(struct call *call)

@@ -89,6 +89,19 @@ int files_publish_dir(int dirfd, const char *name, const char *new_name)
     return renameat(dirfd, name, dirfd, new_name) != 0 ? -1 : fsync(dirfd);
 }
 
+int files_probe(const char *dir)
+{
+    static const char page[4096];
+    int fd = open(dir, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (fd < 0)
+        return errno == EOPNOTSUPP || errno == EISDIR ? 0 : -1; /* no such files here: nothing to learn */
+    int failed = files_write_all(fd, page, sizeof page);
+    int error = errno;
+    close(fd);
+    errno = error;
+    return failed;
+}
+
 struct removal {
     int dirfd;
     int failed;

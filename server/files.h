@@ -23,6 +23,9 @@ int files_publish_dir(int dirfd, const char *name, const char *new_name);
 /* Removes a file, or a folder with the files in it; one that is not there is fine. */
 int files_remove(int dirfd, const char *name);
 
+/* Whether `dir` takes writes now: a page goes into an unnamed file. */
+int files_probe(const char *dir);
+
 /* Reads a whole file; the caller frees *ret, which ends with a NUL that is not counted. */
 int files_read(int dirfd, const char *name, char **ret, size_t *ret_bytes);
 

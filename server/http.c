@@ -27,11 +27,13 @@
 #define REQUEST_ID_BYTES 64
 #define LINGER_MS        2000 /* at most, for a peer that still sends after its last answer */
 #define LINGERING        64   /* at most; beyond, peers may lose an answer to a reset */
+#define FRESH_MS         500  /* a peer that connects to ask something has sent it by then */
 
 struct connection { /* one TCP connection; in the list of its http, under its lock */
     struct connection *prev, *next;
     int fd;
     int64_t deadline_ms; /* monotonic; 0: none */
+    int64_t fresh_ms;    /* until then its first request is awaited; 0 once that has begun */
 };
 
 struct lingering { /* a connection that is over for the library but not for TCP */
@@ -150,6 +152,7 @@ static void on_connection(void *cls, struct MHD_Connection *mhd, void **socket_c
             return; /* requests on it are refused for want of a connection */
         }
         c->fd = info->connect_fd;
+        c->fresh_ms = clock_monotonic_ms() + FRESH_MS;
         c->deadline_ms = clock_monotonic_ms() + HTTP_HEAD_MS;
         *socket_context = c;
         pthread_mutex_lock(&http->lock);
@@ -217,8 +220,11 @@ unsigned http_suspended(struct http *http)
 
 unsigned http_active(struct http *http)
 {
+    int64_t now = clock_monotonic_ms();
     pthread_mutex_lock(&http->lock);
     unsigned count = http->active;
+    for (const struct connection *c = http->connections; c != NULL; c = c->next)
+        count += now < c->fresh_ms;
     pthread_mutex_unlock(&http->lock);
     return count;
 }
@@ -304,6 +310,7 @@ static struct http_request *request_new(struct http *http, struct MHD_Connection
     choose_request_id(r);
     pthread_mutex_lock(&http->lock);
     http->active++;
+    r->connection->fresh_ms = 0;
     pthread_mutex_unlock(&http->lock);
     return r;
 }
@@ -726,7 +733,8 @@ static void begin_request(struct http_request *r, const char *version)
     }
     r->http->setup.begin(r, r->http->setup.data);
     if (r->sent) {
-        r->answer->close |= has_body; /* what follows is an unread body, not a request */
+        if (r->answer != NULL)
+            r->answer->close |= has_body; /* what follows is an unread body, not a request */
     } else if (too_long(r, has_body)) {
         char detail[96];
         snprintf(detail, sizeof detail, "The body may have %zu bytes.", r->body_cap);
@@ -825,21 +833,24 @@ static void on_log(void *cls, const char *format, va_list args)
 
 int http_listen(const struct sockaddr *address, socklen_t size, int *ret_fd, unsigned *ret_port)
 {
-    struct sockaddr_storage bound;
+    union {
+        struct sockaddr_in6 v6;
+        struct sockaddr_in v4;
+        struct sockaddr any;
+    } bound = {0};
     socklen_t bound_size = sizeof bound;
     int on = 1;
     int fd = socket(address->sa_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0)
         return -1;
     if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 || bind(fd, address, size) != 0 ||
-        listen(fd, SOMAXCONN) != 0 || getsockname(fd, (struct sockaddr *)&bound, &bound_size) != 0) {
+        listen(fd, SOMAXCONN) != 0 || getsockname(fd, &bound.any, &bound_size) != 0) {
         int error = errno;
         close(fd);
         errno = error;
         return -1;
     }
-    *ret_port = ntohs(bound.ss_family == AF_INET6 ? ((struct sockaddr_in6 *)&bound)->sin6_port
-                                                  : ((struct sockaddr_in *)&bound)->sin_port);
+    *ret_port = ntohs(bound.any.sa_family == AF_INET6 ? bound.v6.sin6_port : bound.v4.sin_port);
     *ret_fd = fd;
     return 0;
 }

@@ -59,7 +59,8 @@ unsigned http_connections(struct http *http);
  * is stopped with a connection suspended. */
 void http_quiesce(struct http *http);
 unsigned http_suspended(struct http *http);
-unsigned http_active(struct http *http);   /* requests that are not finished: worth a moment's wait */
+/* Requests that are not finished, and connections so fresh that one is on its way: worth a moment's wait. */
+unsigned http_active(struct http *http);
 struct http *http_stop(struct http *http); /* NULL is fine; returns NULL */
 
 /* ---- requests ------------------------------------------------------------------------------------- */

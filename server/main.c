@@ -25,10 +25,10 @@
 /* Of the admin listener: a scraper, a few probes, a person. */
 #define ADMIN_CONNECTIONS 32
 
-#define FREE_SPACE_MS 5000 /* between two looks at the space left */
+#define FREE_SPACE_MS 5000 /* between two looks at the data folder and the space left */
 
 /* For answers on their way out once everything has been answered; slow readers are then cut. */
-#define LAST_ANSWERS_MS 2000
+#define LAST_ANSWERS_MS 5000
 
 struct server {
     struct config config;
@@ -51,6 +51,7 @@ static void measure(struct server *s, int64_t now)
     if (now - s->space_ms < FREE_SPACE_MS)
         return;
     s->space_ms = now;
+    atomic_store(&s->api.writable, files_probe(s->config.data) == 0);
     if (statvfs(s->config.data, &space) == 0)
         metrics_set(s->api.metrics, METRIC_BYTES_FREE, (double)space.f_bavail * (double)space.f_frsize);
 }
@@ -189,6 +190,7 @@ static int start(struct server *s)
         return fail("queue", problem.detail);
     if (start_listeners(s) != 0)
         return -1;
+    atomic_store(&s->api.writable, true);
     atomic_store(&s->api.ready, true);
     return announce(s);
 }

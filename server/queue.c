@@ -20,6 +20,10 @@
 /* Between two tries at a store that refuses writes. */
 #define RETRY_MS 1000
 
+/* Looks at a job that is to be cancelled, a millisecond apart: between its end in the store and here lies
+ * far less than all of them, but a row that somebody else has changed would never match. */
+#define CANCEL_LOOKS 200
+
 struct item { /* a job that has not ended; in the tree, and in the line while it waits */
     struct job job;
     struct queue *queue;
@@ -159,9 +163,9 @@ static int add_item(struct queue *queue, struct item *item)
 
 /* ---- solving ---------------------------------------------------------------------------------------- */
 
-static void wait_a_little(void)
+static void wait_ms(long ms)
 {
-    struct timespec t = {RETRY_MS / 1000, RETRY_MS % 1000 * 1000000L};
+    struct timespec t = {ms / 1000, ms % 1000 * 1000000L};
     nanosleep(&t, NULL);
 }
 
@@ -204,7 +208,7 @@ static struct item *start_job(struct queue *queue, struct job *job)
     }
     pthread_mutex_unlock(&queue->lock);
     if (result < 0)
-        wait_a_little();
+        wait_ms(RETRY_MS);
     return item;
 }
 
@@ -261,7 +265,7 @@ static int commit_end(struct queue *queue, const struct job *job)
         pthread_mutex_unlock(&queue->lock);
         if (give_up)
             return -1;
-        wait_a_little();
+        wait_ms(RETRY_MS);
     }
 }
 
@@ -438,19 +442,19 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
         return -1;
     }
     failed = store_job_add(queue->setup.store, &item->job, document, bytes, reterr);
-    char *body = NULL;
     pthread_mutex_lock(&queue->lock);
     queue->reserved--;
-    /* Without memory to enter it, the job is durable and the next start takes it up: not a refusal we
-     * could take back, so it is reported as a failure of ours. */
-    if (!failed && (add_item(queue, item) != 0 || (body = body_of(queue, item)) == NULL))
-        failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    bool entered = item->waiting;
+    bool entered = !failed && add_item(queue, item) == 0;
+    char *body = entered ? body_of(queue, item) : NULL;
     pthread_mutex_unlock(&queue->lock);
-    if (failed && !entered)
+    if (!entered)
         free_item(item);
     if (failed)
         return -1;
+    /* Without memory to enter it, the job is durable and the next start takes it up: not a refusal we
+     * could take back, so it is reported as a failure of ours. */
+    if (body == NULL)
+        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
     *ret_body = body;
     return 0;
@@ -533,9 +537,8 @@ static char *show_cancel(struct queue *queue, const struct job *job, bool ended)
 int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct problem *reterr)
 {
     struct job job;
-    /* A job that starts or ends between the look and the write makes the write miss; then look again.
-     * It can do so only twice. */
-    while (look_at(queue, id, &job)) {
+    /* A job that starts or ends between the look and the write makes the write miss; then look again. */
+    for (int look = 0; look_at(queue, id, &job); look++) {
         bool waiting = job.status == JOB_QUEUED;
         job.finished_ms = clock_wall_ms();
         job.revision.counter += waiting;
@@ -547,6 +550,9 @@ int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct pr
             return 0;
         if (result == 0 && !look_at(queue, id, &job))
             return QUEUE_NONE;
+        if (look == CANCEL_LOOKS)
+            return problem_set(reterr, PROBLEM_STORAGE, "The database does not know the job as it is.");
+        wait_ms(1);
     }
     return QUEUE_NONE;
 }

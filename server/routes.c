@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "api.h"
 #include "log.h"
@@ -159,7 +160,14 @@ static void refuse_route(struct call *call, const char *allow)
 static int check_body_head(const struct call *call, struct problem *reterr)
 {
     const char *type = http_header(call->request, "Content-Type");
+    const char *coding = http_header(call->request, "Content-Encoding");
+    if (coding != NULL && strcasecmp(coding, "identity") != 0)
+        return problem_set(reterr, PROBLEM_MEDIA_TYPE,
+                           "Bodies are taken as they are, without Content-Encoding.");
     if (call->route->body == JOB_BODY) {
+        /* A client that relies on a key retries: without one kept, each try would be another job. */
+        if (http_header(call->request, "Idempotency-Key") != NULL)
+            return problem_set(reterr, PROBLEM_UNSUPPORTED, "Idempotency-Key is not done in this version.");
         if (!negotiate_is_type(type, "application/json"))
             return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");
         return queue_admits(call->api->queue, reterr);

@@ -34,6 +34,8 @@ struct range {
 };
 
 static const struct range POSITIVE = {DBL_MIN, DBL_MAX, "must be > 0"};
+/* A vertex in free fall is out of balance by its weight: no larger tolerance tells rest from motion. */
+static const struct range TOLERANCE = {DBL_MIN, 1, "must be > 0 and at most 1"};
 static const struct range NOT_NEGATIVE = {0, DBL_MAX, "must be >= 0"};
 static const struct range ANY = {-DBL_MAX, DBL_MAX, ""};
 
@@ -687,7 +689,7 @@ static int read_solver(struct reader *r, const json_t *root)
         return -1;
     if (read_words(r, solver, options) ||
         get_number(r, solver, "/solver", "time_step", &TIME_STEP, &options->time_step) ||
-        get_number(r, solver, "/solver", "tolerance", &POSITIVE, &options->tolerance) ||
+        get_number(r, solver, "/solver", "tolerance", &TOLERANCE, &options->tolerance) ||
         read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
         read_damping(r, solver, options) || read_line_search(r, solver, options))
         return -1;

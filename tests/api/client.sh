@@ -90,6 +90,8 @@ run 'watching a cancelled job tells so' 4 "$DRAPE" watch "$id"
 jq '.solver.max_iterations = 2' "$work/small.json" >"$work/short"
 run 'a drape not at rest has its own status' 5 "$DRAPE" run "$work/short" -o "$work/short.glb"
 check 'and its best state is written' test -s "$work/short.glb"
+run 'an output that cannot be written' 6 "$DRAPE" run "$work/small.json" -o "$work/nowhere/out.glb"
+like 'says how to fetch the drape again' "$(<"$work/err")" 'drape result [0-9a-f]{32} -o'
 
 # ---- refusals and errors
 jq '.cloths = 1' "$work/small.json" >"$work/bad"

@@ -13,8 +13,8 @@
 #include <string.h>
 
 struct obj {
-    double *x;    /* 3 per vertex */
-    uint32_t *t;  /* 3 per triangle */
+    double *x;   /* 3 per vertex */
+    uint32_t *t; /* 3 per triangle */
     size_t vertices, triangles;
 };
 
@@ -70,8 +70,7 @@ static bool crosses(const double *p, const double *a, const double *b, const dou
     bool odd = false;
     for (int i = 0; i < 3; i++) { /* point in the triangle's shadow, by edge crossings */
         const double *q = corner[i], *r = corner[(i + 1) % 3];
-        if ((q[v] > p[v]) != (r[v] > p[v]) &&
-            p[u] < q[u] + (p[v] - q[v]) / (r[v] - q[v]) * (r[u] - q[u]))
+        if ((q[v] > p[v]) != (r[v] > p[v]) && p[u] < q[u] + (p[v] - q[v]) / (r[v] - q[v]) * (r[u] - q[u]))
             odd = !odd;
     }
     if (!odd)
@@ -186,8 +185,8 @@ int main(int argc, char **argv)
         inside++;
         deepest = fmax(deepest, depth_of(&body, p));
     }
-    printf("{\"vertices\":%zu,\"finite\":%s,\"inside\":%zu,\"deepest\":%.6g,\"seam_gap\":%.6g}\n", drape.vertices,
-           finite ? "true" : "false", inside, deepest, widest_seam(&drape, argv[2]));
+    printf("{\"vertices\":%zu,\"finite\":%s,\"inside\":%zu,\"deepest\":%.6g,\"seam_gap\":%.6g}\n",
+           drape.vertices, finite ? "true" : "false", inside, deepest, widest_seam(&drape, argv[2]));
     free(drape.x);
     free(drape.t);
     free(body.x);

@@ -53,6 +53,7 @@ refuse 'an unknown method' 422 invalid /solver/method '.solver.method = "magic"'
 refuse 'a certificate, which a later version brings' 422 unsupported /solver/certify '.solver.certify = true'
 refuse 'damping where there is none' 422 invalid /solver/damping/air '.solver.damping.air = 1'
 refuse 'a negative tolerance' 422 invalid /solver/tolerance '.solver.tolerance = -1'
+refuse 'a tolerance that free fall would meet' 422 invalid /solver/tolerance '.solver.tolerance = 1.5'
 refuse 'no time step' 422 invalid /solver/time_step '.solver.time_step = 0'
 refuse 'gravity of two numbers' 422 invalid /gravity '.gravity = [0, 1]'
 refuse 'a name too long' 422 invalid /name '.name = ("n" * 201)'
@@ -89,6 +90,11 @@ refuse 'a mesh that was never uploaded' 422 invalid /cloth/mesh/ref '.cloth.mesh
 # ---- requests
 request POST /v1/jobs -H 'Content-Type: text/plain' --data-binary "$job"; problem 'another media type' 415 unsupported-media-type
 request POST /v1/jobs -H 'Content-Type:' --data-binary "$job"; problem 'no media type' 415 unsupported-media-type
+gzip -c <<<"$job" >"$work/gz"
+request POST /v1/jobs -H 'Content-Type: application/json' -H 'Content-Encoding: gzip' --data-binary "@$work/gz"
+problem 'a compressed body' 415 unsupported-media-type
+request POST /v1/jobs -H 'Content-Type: application/json' -H 'Idempotency-Key: k1' --data-binary "$job"
+problem 'an idempotency key, which this version would not keep' 422 unsupported
 request GET /v1/jobs/00000000000000000000000000000000; problem 'an unknown job' 404 not-found
 request GET /v1/jobs/nonsense; problem 'an id that is none' 404 not-found
 request GET /v1/jobs/nonsense/result; problem 'its result' 404 not-found

@@ -175,4 +175,16 @@ request POST /v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=20' -
 json 'evaluate-only ends not-at-rest with the energies of the start' '.status == "succeeded" and
     .verdict == "not-at-rest" and .report.iterations == 0 and .report.energies.stretch < 1e-9'
 request GET "/v1/jobs/$(jq -r .id "$body")/result"; problem 'but an undraped start is no result' 409 no-result
+
+# ---- a data folder that went away; the daemon looks every five seconds
+rm -rf "$data"
+for ((i = 0; i < 100; i++)); do
+    request GET "$admin/readyz"
+    [[ $code == 503 ]] && break
+    sleep 0.1
+done
+is 'without its data folder it is not ready' "$code" 503
+like 'and says why' "$(<"$body")" 'data folder'
+request GET "$admin/livez"; is 'but alive' "$code" 200
+stop_daemon; is 'and stops with status 0' "$status" 0
 finish

@@ -108,6 +108,18 @@ static void test_files__removing_takes_files_folders_and_what_is_not_there(void 
     close(dir);
 }
 
+static void test_files__a_probe_tells_whether_a_folder_takes_writes(void **state)
+{
+    char missing[4096];
+    int dir = open_dir(state);
+    snprintf(missing, sizeof missing, "%s/missing", (const char *)*state);
+    assert_int_equal(files_probe(*state), 0);
+    assert_int_equal(entries(dir), 0);
+    assert_int_equal(files_probe(missing), -1);
+    assert_int_equal(errno, ENOENT);
+    close(dir);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_new, scratch_free)
@@ -116,6 +128,7 @@ int main(void)
         TEST(test_files__a_failed_write_leaves_the_old_file_and_nothing_else),
         TEST(test_files__a_published_folder_replaces_an_older_one),
         TEST(test_files__removing_takes_files_folders_and_what_is_not_there),
+        TEST(test_files__a_probe_tells_whether_a_folder_takes_writes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -460,6 +460,24 @@ static void test_http__stopping_answers_new_requests_with_503(void **state)
     assert_non_null(strstr(text, "\"code\":\"draining\""));
 }
 
+/* Else a client whose connection was accepted in time would get no answer at all. */
+static void test_http__stopping_waits_a_moment_for_the_first_request_of_a_connection(void **state)
+{
+    struct rig *rig = *state;
+    int fd = dial(rig), silent = dial(rig);
+    for (int i = 0; i < 5000 && http_connections(rig->http) < 2; i++)
+        pause_ms(1);
+    http_quiesce(rig->http);
+    assert_int_equal(http_active(rig->http), 2);
+    say(fd, "GET / HTTP/1.1\r\n" LAST "\r\n");
+    assert_non_null(strstr(hear(fd), "HTTP/1.1 503"));
+    int64_t from = clock_monotonic_ms();
+    while (http_active(rig->http) > 0)
+        pause_ms(1);
+    assert_true(clock_monotonic_ms() - from < 5000);
+    close(silent);
+}
+
 static void test_http__stopping_ends_streams_without_an_abort(void **state)
 {
     struct rig *rig = *state;
@@ -513,6 +531,7 @@ int main(void)
         TEST(test_http__a_stream_whose_client_left_is_ended_by_writing),
         TEST(test_http__an_answer_survives_bytes_that_were_never_read),
         TEST(test_http__stopping_answers_new_requests_with_503),
+        TEST(test_http__stopping_waits_a_moment_for_the_first_request_of_a_connection),
         TEST(test_http__stopping_ends_streams_without_an_abort),
         TEST(test_http__a_head_that_dribbles_is_cut_off_and_honest_requests_go_on),
     };

@@ -248,6 +248,24 @@ static void test_queue__a_running_job_stops_soon_after_its_cancel(void **state)
     close_rig(rig);
 }
 
+static void test_queue__a_cancel_that_the_store_never_matches_is_given_up(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job = {0};
+    char id[ID_SIZE], *body, *text = long_job();
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    wait_status(rig, id, "running");
+    memcpy(job.id, id, sizeof id);
+    job.revision.attempt = 1;
+    assert_int_equal(store_job_requeue(rig->store, &job, &problem), 0); /* behind the queue's back */
+    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    free(text);
+    close_rig(rig);
+}
+
 static void test_queue__draining_refuses_and_interrupting_puts_back(void **state)
 {
     struct rig *rig = *state;
@@ -398,6 +416,7 @@ int main(void)
         TEST(test_queue__jobs_queued_and_running_are_bounded),
         TEST(test_queue__positions_count_from_one_and_move_up),
         TEST(test_queue__a_running_job_stops_soon_after_its_cancel),
+        TEST(test_queue__a_cancel_that_the_store_never_matches_is_given_up),
         TEST(test_queue__draining_refuses_and_interrupting_puts_back),
         TEST(test_queue__an_earlier_daemons_jobs_are_taken_up),
         TEST(test_queue__two_workers_end_every_job_once),
