@@ -95,7 +95,7 @@ static double *make_normals(const drape_scene_desc *scene, const double *positio
 /* 9 significant digits tell any two 32-bit floats apart. */
 #define POSITION_DIGITS 9
 /* The distance to rest is a difference of energies: all digits count. */
-#define TRACE_DIGITS  15
+#define TRACE_DIGITS  17
 #define NORMAL_DIGITS 6
 
 static void put_numbers(FILE *file, const char *member, const double *value, size_t n, int digits)
