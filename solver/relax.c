@@ -260,7 +260,7 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     const struct dr_mesh *mesh = s->cloth->mesh;
     report->iterations = s->row.iteration;
     report->state = s->row;
-    if (verdict == DRAPE_VERDICT_NOT_AT_REST) {
+    if (verdict != DRAPE_VERDICT_AT_REST) {
         memcpy(s->x, s->best, 3 * mesh->nodes * sizeof *s->x);
         report->state = s->best_row;
     }
@@ -283,7 +283,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
 {
     for (;;) {
         s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
-        if (!isfinite(s->row.residual_force) || !isfinite(s->row.energy.potential)) {
+        if (!isfinite(s->row.residual_force) || !isfinite(s->row.energy.potential + s->row.energy.kinetic)) {
             if (!s->row.iteration)
                 return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
                                "the start has no finite energy");
