@@ -380,6 +380,7 @@ static void test_sim__a_piece_that_misses_the_body_slides_off(void **state)
     drape_scene_free(scene);
 }
 
+#ifdef CAN_FAIL_ALLOCATIONS
 /* Every way there is to go to rest. */
 static const struct {
     drape_method method;
@@ -396,7 +397,6 @@ static const struct {
 };
 #define WAYS (sizeof way / sizeof *way)
 
-#ifdef CAN_FAIL_ALLOCATIONS
 static int note_allocations(const drape_progress *progress, void *data)
 {
     long *at = data; /* by iteration, the first 64 */
