@@ -7,8 +7,9 @@
 #include "error.h"
 #include "state.h"
 
-#define MOST_HALVINGS 100 /* a cloth hung by one edge starts with a singular Jacobian and a step of 1e15 m   \
-                           */
+#define MOST_HALVINGS                                                                                        \
+    100 /* a cloth hung by one edge starts with a singular Jacobian and a step of 1e15 m                     \
+         */
 
 static drape_status assess(struct dr_state *s, drape_error *reterr)
 {

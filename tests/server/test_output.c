@@ -193,12 +193,13 @@ static void test_output__trace_csv_is_as_the_contract_has_it(void **state)
     size_t bytes;
     assert_int_equal(write_all(f, &problem), 0);
     char *data = read_file(f, OUTPUT_TRACE_CSV, &bytes);
-    assert_string_equal(data,
-                        "iteration,seconds,stretch,bend,gravity,contact,kinetic,potential,residual_energy,"
-                        "residual_force,stop,time_step,linear_iterations\n"
-                        "0,0,0.33333333333333331,0,0,0,0,-0.25,,1,0,0.02,0\n" /* what is no number is left empty */
-                        "1,0.125,0.33333333333333331,0,0,0,0,-0.25,0.001,0.090909090909090912,1,0.02,0\n"
-                        "2,0.25,0.33333333333333331,0,0,0,0,-0.25,0.00050000000000000001,0.047619047619047616,0,0.02,0\n");
+    assert_string_equal(
+        data,
+        "iteration,seconds,stretch,bend,gravity,contact,kinetic,potential,residual_energy,"
+        "residual_force,stop,time_step,linear_iterations\n"
+        "0,0,0.33333333333333331,0,0,0,0,-0.25,,1,0,0.02,0\n" /* what is no number is left empty */
+        "1,0.125,0.33333333333333331,0,0,0,0,-0.25,0.001,0.090909090909090912,1,0.02,0\n"
+        "2,0.25,0.33333333333333331,0,0,0,0,-0.25,0.00050000000000000001,0.047619047619047616,0,0.02,0\n");
     free(data);
 }
 
