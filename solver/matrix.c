@@ -13,6 +13,7 @@
 
 #include <cholmod.h>
 #include <limits.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,7 +39,8 @@ struct dr_matrix {
     struct slot *link;     /* links: their off-diagonal block */
     uint32_t *link_node;   /* 2*links */
     size_t links;
-    double *base; /* values of M/dt^2 + bending */
+    double *base;       /* values of M/dt^2 + bending */
+    double mass_factor; /* that base was made for; NAN: none yet */
     size_t bends;
     struct slot *bend_slot; /* bends: block of each entry of the bending stiffness */
     double *bend_value;
@@ -277,6 +279,7 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     A->common.quick_return_if_not_posdef = true;
     A->mesh = mesh;
     A->factor = factor;
+    A->mass_factor = NAN;
     A->row = malloc(mesh->nodes * sizeof *A->row);
     A->node = malloc(mesh->nodes * sizeof *A->node);
     if (!A->row || !A->node)
@@ -407,8 +410,9 @@ static void add_diagonal(double *value, struct slot slot, double xx, double yx, 
 
 void dr_matrix_set_base(struct dr_matrix *A, double mass_factor)
 {
-    if (!A->free)
+    if (!A->free || mass_factor == A->mass_factor) /* a constant time step asks for the same at each step */
         return;
+    A->mass_factor = mass_factor;
     memset(A->base, 0, A->A->nzmax * sizeof *A->base);
     for (size_t j = 0; j < A->free; j++)
         add_scalar(A->base, A->diagonal[j], A->mesh->mass[A->node[j]] * mass_factor);

@@ -26,8 +26,7 @@ void dr_plan(struct drape_sim *sim)
         !scene->seams ? "no seams" : "the seams start closed");
     add(report, "friction", false, 0, "not in this version");
     add(report, "self-contact", false, 0, "not in this version");
-    add(report, "jacobian", report->factorizations > report->sewing_iterations, 0,
-        "the integrator is explicit");
+    add(report, "jacobian", report->integrator != DRAPE_RK4, 0, "the integrator is explicit");
     add(report, "compressive-stress",
         report->method == DRAPE_METHOD_AUTO || report->method == DRAPE_METHOD_NEWTON, 0,
         "the method keeps its matrix positive semi-definite");

@@ -75,6 +75,25 @@ static void test_methods__auto_never_returns_worse_than_it_saw(void **state)
     }
 }
 
+static void test_methods__auto_hands_over_to_stop_and_go_when_nothing_improves(void **state)
+{
+    (void)state;
+    struct setup *setup = square(10, 1e-5, 0);
+    drape_options options = options_of(DRAPE_METHOD_AUTO);
+    struct run rest = run_new(&setup->desc, &options);
+    options.tolerance = 1e-300; /* never at rest: the watchdog must bite three times */
+    struct run run = run_new(&setup->desc, &options);
+    assert_int_equal(rest.report->method, DRAPE_METHOD_AUTO);
+    assert_int_equal(run.report->method, DRAPE_METHOD_STOP_AND_GO);
+    assert_int_equal(run.report->verdict, DRAPE_VERDICT_NOT_AT_REST);
+    assert_int_equal(run.report->iterations, options.max_iterations);
+    assert_close(run.report->state.energy.potential, rest.report->state.energy.potential, 1e-9);
+    assert_true(run.row[run.rows - 1].time_step == options.time_step); /* steps in time again */
+    run_done(&run);
+    run_done(&rest);
+    setup_free(setup);
+}
+
 static void test_methods__the_papers_baselines_end_as_it_says(void **state)
 {
     (void)state;
@@ -139,6 +158,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_methods__auto_ends_where_stop_and_go_ends_for_a_fraction_of_the_factors),
         cmocka_unit_test(test_methods__auto_never_returns_worse_than_it_saw),
+        cmocka_unit_test(test_methods__auto_hands_over_to_stop_and_go_when_nothing_improves),
         cmocka_unit_test(test_methods__the_papers_baselines_end_as_it_says),
         cmocka_unit_test(test_methods__explicit_steps_too_long_end_honestly),
     };
