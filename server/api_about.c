@@ -22,16 +22,35 @@ static json_t *limits_json(const struct limits *limits)
                      (json_int_t)limits->reading, "wait_s", WAIT_MAX_S);
 }
 
+/* The names of the values 0, 1, ... up to `last` of an enumeration of the solver. */
+static json_t *names_json(unsigned last, const char *(*name)(unsigned value))
+{
+    json_t *names = json_array();
+    for (unsigned i = 0; names != NULL && i <= last; i++)
+        json_array_append_new(names, json_string(name(i)));
+    return names;
+}
+
+static const char *method_name(unsigned value)
+{
+    return drape_method_name((drape_method)value);
+}
+
+static const char *integrator_name(unsigned value)
+{
+    return drape_integrator_name((drape_integrator)value);
+}
+
 void about_info(struct call *call)
 {
     const struct config *config = call->api->config;
-    json_t *json =
-        json_pack("{s:s, s:s, s:s, s:i, s:s, s:{s:[s,s,s,s], s:[s,s,s,s], s:[s,s,s]}, s:[s,s,s], s:o}",
-                  "name", "draped", "version", drape_version(), "api", "v1", "workers", (int)config->workers,
-                  "blas", call->api->blas, "formats", "mesh", mesh_format_name(MESH_OBJ),
-                  mesh_format_name(MESH_PLY), mesh_format_name(MESH_GLB), mesh_format_name(MESH_JSON),
-                  "result", "json", "obj", "ply", "glb", "trace", "json", "csv", "svg", "methods", "auto",
-                  "stop-and-go", "dynamic", "limits", limits_json(&config->limits));
+    json_t *json = json_pack(
+        "{s:s, s:s, s:s, s:i, s:s, s:{s:[s,s,s,s], s:[s,s,s,s], s:[s,s,s]}, s:o, s:o, s:o}", "name", "draped",
+        "version", drape_version(), "api", "v1", "workers", (int)config->workers, "blas", call->api->blas,
+        "formats", "mesh", mesh_format_name(MESH_OBJ), mesh_format_name(MESH_PLY), mesh_format_name(MESH_GLB),
+        mesh_format_name(MESH_JSON), "result", "json", "obj", "ply", "glb", "trace", "json", "csv", "svg",
+        "methods", names_json(DRAPE_METHOD_NEWTON, method_name), "integrators",
+        names_json(DRAPE_RK4, integrator_name), "limits", limits_json(&config->limits));
     http_send(call->request, answer_json(200, json));
 }
 

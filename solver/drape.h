@@ -162,7 +162,7 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_MAX_MATERIAL   1e12
 
 /* Everything that drape_scene_new would refuse except what only building the bodies' distance
- * fields can tell; costs O(input) time. For the border of a service. */
+ * fields can tell; costs O(n log n) time in the input. For the border of a service. */
 drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr);
 
 /* Compiles the scene: welds, measures the rest shape, builds the bodies' distance fields (about a

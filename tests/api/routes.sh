@@ -8,6 +8,11 @@ request GET /v1/info
 is 'GET /v1/info answers 200' "$code" 200
 json 'info has a version' '.version | test("^[0-9]+\\.[0-9]+\\.[0-9]+$")'
 json 'info has limits, all positive' '.limits | type == "object" and length >= 5 and all(.[]; . > 0)'
+# What info names is what a job may name: both are held to the same document.
+openapi=server/openapi.json
+for list in method integrator; do
+    json "info names every $list of the contract" ".${list}s == $(jq -c ".components.schemas.Solver.properties.$list.enum" $openapi)"
+done
 json 'info has formats' '.formats | tostring | test("glb") and test("obj")'
 request GET /v1/materials
 is 'GET /v1/materials answers 200' "$code" 200
