@@ -119,6 +119,21 @@ static void put_residuals(FILE *file, const json_t *report)
     }
 }
 
+static void put_certificate(FILE *file, const json_t *certificate)
+{
+    const json_t *move = json_object_get(certificate, "largest_move");
+    if (!json_is_object(certificate)) {
+        return;
+    }
+    put_label(file, "certified");
+    fprintf(file, "%s: %s", json_is_true(json_object_get(certificate, "certified")) ? "yes" : "no",
+            text_of(certificate, "reason"));
+    if (json_is_number(move)) {
+        fprintf(file, "; %.2g m to go", json_number_value(move));
+    }
+    fputc('\n', file);
+}
+
 static void put_contacts(FILE *file, const json_t *report)
 {
     const json_t *inside = json_object_get(report, "penetrations");
@@ -147,6 +162,7 @@ static void put_report(FILE *file, const json_t *report)
     put_seconds(file, report);
     put_energies(file, json_object_get(report, "energies"));
     put_residuals(file, report);
+    put_certificate(file, json_object_get(report, "certificate"));
     put_contacts(file, report);
 }
 

@@ -198,7 +198,7 @@ static int write_trace_json(FILE *file, const struct output *output)
         put_row(file, &output->row[i], "null");
         fputc(']', file);
     }
-    fprintf(file, "\n],\n\"residual_energy_is\":\"%s\"}\n", SCHEMA_RESIDUAL_ENERGY_IS);
+    fprintf(file, "\n],\n\"residual_energy_is\":\"%s\"}\n", schema_residual_energy_is(output->report));
     return 0;
 }
 

@@ -136,20 +136,23 @@ json_t *schema_energies_json(const drape_energies *energies)
     return finish(object, failed);
 }
 
+static const char *const PHASE[] = {[DRAPE_PHASE_SEWING] = "sewing",
+                                    [DRAPE_PHASE_DRAPING] = "draping",
+                                    [DRAPE_PHASE_CERTIFYING] = "certifying"};
+
 /* percent stays null: the iterations that a drape needs are not known before it rests, and the share of
  * the budget that is spent says nothing about the work that is left. */
 json_t *schema_progress_json(const drape_progress *progress, const drape_options *options)
 {
     const drape_row *row = &progress->row;
     json_t *object = json_object();
-    int failed = json_object_set_new(
-        object, "phase", json_string(progress->phase == DRAPE_PHASE_SEWING ? "sewing" : "draping"));
+    int failed = json_object_set_new(object, "phase", json_string(PHASE[progress->phase]));
     failed |= json_object_set_new(object, "iteration", count(row->iteration));
     failed |= json_object_set_new(object, "max_iterations", count(options->max_iterations));
     failed |= json_object_set_new(object, "elapsed_ms", count((uint64_t)(fmax(row->seconds, 0) * 1e3)));
     failed |= json_object_set_new(object, "energy", schema_energies_json(&row->energy));
     failed |= json_object_set_new(object, "residual_energy", number(row->residual_energy));
-    failed |= json_object_set_new(object, "residual_energy_is", json_string(SCHEMA_RESIDUAL_ENERGY_IS));
+    failed |= json_object_set_new(object, "residual_energy_is", json_string(schema_residual_energy_is(NULL)));
     failed |= json_object_set_new(object, "residual_force", number(row->residual_force));
     failed |= json_object_set_new(object, "stops", count(progress->stops));
     failed |= json_object_set_new(object, "percent", json_null());
@@ -206,6 +209,29 @@ static json_t *integrator_json(const drape_report *report)
     return json_string(drape_integrator_name(report->integrator));
 }
 
+static json_t *certificate_json(const drape_certificate *certificate)
+{
+    json_t *object = json_object();
+    if (!certificate->reason) {
+        json_decref(object);
+        return json_null();
+    }
+    int failed = json_object_set_new(object, "certified", json_boolean(certificate->certified));
+    failed |= json_object_set_new(object, "reason", json_string(certificate->reason));
+    failed |= json_object_set_new(object, "largest_move", number(certificate->largest_move));
+    failed |= json_object_set_new(object, "energy_left", number(certificate->energy_left));
+    failed |= json_object_set_new(object, "curvature", number(certificate->curvature));
+    failed |= json_object_set_new(object, "escapes", count(certificate->escapes));
+    failed |= json_object_set_new(object, "steps", count(certificate->steps));
+    failed |= json_object_set_new(object, "factorizations", count(certificate->factorizations));
+    return finish(object, failed);
+}
+
+const char *schema_residual_energy_is(const drape_report *report)
+{
+    return report && report->certificate.certified ? "reference" : "estimate";
+}
+
 json_t *schema_report_json(const drape_report *report)
 {
     const drape_row *state = &report->state;
@@ -224,12 +250,13 @@ json_t *schema_report_json(const drape_report *report)
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));
     failed |= json_object_set_new(object, "energies", schema_energies_json(&state->energy));
     failed |= json_object_set_new(object, "residual_energy", number(state->residual_energy));
-    failed |= json_object_set_new(object, "residual_energy_is", json_string(SCHEMA_RESIDUAL_ENERGY_IS));
+    failed |=
+        json_object_set_new(object, "residual_energy_is", json_string(schema_residual_energy_is(report)));
     failed |= json_object_set_new(object, "residual_force", number(state->residual_force));
     failed |= json_object_set_new(object, "penetrations", count(report->penetrations));
     failed |= json_object_set_new(object, "deepest", number(report->deepest));
     failed |= json_object_set_new(object, "self_intersections", json_null()); /* not looked for yet */
-    failed |= json_object_set_new(object, "certificate", json_null());
+    failed |= json_object_set_new(object, "certificate", certificate_json(&report->certificate));
     failed |= json_object_set_new(object, "reason", json_string(report->reason));
     return finish(object, failed);
 }

@@ -657,23 +657,13 @@ static int read_damping(struct reader *r, const json_t *solver, drape_options *r
     return get_number(r, damping, "/solver/damping", "material", &NOT_NEGATIVE, &ret->material_damping);
 }
 
-static int read_line_search(struct reader *r, const json_t *solver, drape_options *ret)
+static int read_boolean(struct reader *r, const json_t *solver, const char *member, bool *ret)
 {
-    const json_t *value = json_object_get(solver, "line_search");
+    const json_t *value = json_object_get(solver, member);
     if (value && !json_is_boolean(value))
-        return refuse(r, PROBLEM_INVALID, "/solver", "line_search", "must be true or false");
-    ret->line_search = value ? json_is_true(value) : ret->line_search;
+        return refuse(r, PROBLEM_INVALID, "/solver", member, "must be true or false");
+    *ret = value ? json_is_true(value) : *ret;
     return 0;
-}
-
-static int read_certify(struct reader *r, const json_t *solver)
-{
-    const json_t *certify = json_object_get(solver, "certify");
-    if (!certify || json_is_false(certify))
-        return 0;
-    if (json_is_true(certify))
-        return refuse(r, PROBLEM_UNSUPPORTED, "/solver", "certify", "is not done in this version");
-    return refuse(r, PROBLEM_INVALID, "/solver", "certify", "must be true or false");
 }
 
 static int read_solver(struct reader *r, const json_t *root)
@@ -691,9 +681,9 @@ static int read_solver(struct reader *r, const json_t *root)
         get_number(r, solver, "/solver", "time_step", &TIME_STEP, &options->time_step) ||
         get_number(r, solver, "/solver", "tolerance", &TOLERANCE, &options->tolerance) ||
         read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
-        read_damping(r, solver, options) || read_line_search(r, solver, options))
+        read_damping(r, solver, options) || read_boolean(r, solver, "line_search", &options->line_search))
         return -1;
-    return read_certify(r, solver);
+    return read_boolean(r, solver, "certify", &options->certify);
 }
 
 /* ---- the job ---------------------------------------------------------------------------------- */

@@ -180,6 +180,51 @@ bool dr_body_distance(const struct dr_body *body, const double x[3], double *ret
     return false;
 }
 
+/* ---- curvature ------------------------------------------------------------------------------- */
+
+/* (I - n n' - a a')/r, the curvature of a tube's or (a = 0) a ball's distance at r from its axis or centre.
+ */
+static void round_curvature(const double n[3], const double a[3], double r, double ret[6])
+{
+    for (int i = 0, entry = 0; i < 3; i++)
+        for (int j = 0; j <= i; j++)
+            ret[entry++] = ((i == j) - n[i] * n[j] - a[i] * a[j]) / r;
+}
+
+static void capsule_curvature(const struct dr_body *body, const double x[3], const double n[3], double r,
+                              double ret[6])
+{
+    double axis[3], from[3];
+    for (int d = 0; d < 3; d++) {
+        axis[d] = body->axis[d] - body->point[d];
+        from[d] = x[d] - body->point[d];
+    }
+    double square = dot(axis, axis), along = dot(axis, from);
+    bool beside = along > 0 && along < square; /* else a cap */
+    for (int d = 0; d < 3; d++)
+        axis[d] *= beside ? 1 / sqrt(square) : 0;
+    round_curvature(n, axis, r, ret);
+}
+
+void dr_body_curvature(const struct dr_body *body, const double x[3], double ret[6])
+{
+    static const double no_axis[3] = {0, 0, 0};
+    double phi, n[3];
+    memset(ret, 0, 6 * sizeof *ret);
+    if (body->kind == DRAPE_BODY_PLANE)
+        return;
+    if (body->kind == DRAPE_BODY_MESH) {
+        dr_field_curvature(body->field, x, ret);
+        return;
+    }
+    if (!dr_body_distance(body, x, &phi, n) || phi + body->radius <= AT_CENTRE * body->radius)
+        return;
+    if (body->kind == DRAPE_BODY_SPHERE)
+        round_curvature(n, no_axis, phi + body->radius, ret);
+    else
+        capsule_curvature(body, x, n, phi + body->radius, ret);
+}
+
 /* ---- support --------------------------------------------------------------------------------- */
 
 static double plane_support_min(const struct dr_body *body, const double d[3])

@@ -35,6 +35,10 @@ struct dr_body *dr_body_free(struct dr_body *body); /* NULL is fine; returns NUL
  * where it would be shorter than 0.01, a unit vector along which the distance grows replaces it. */
 bool dr_body_distance(const struct dr_body *body, const double x[3], double *ret_phi, double ret_grad[3]);
 
+/* Second derivatives at x of the distance that dr_body_distance returns, 1/m, as the lower triangle xx, yx,
+ * yy, zx, zy, zz; zero where that is out of reach, at a centre, or on an axis. */
+void dr_body_curvature(const struct dr_body *body, const double x[3], double ret[6]);
+
 /* The least value of d.x over the body's points; -INFINITY for a plane unless d is its normal's
  * opposite. Serves the slid-off verdict (d = up). */
 double dr_body_support_min(const struct dr_body *body, const double d[3]);

@@ -93,12 +93,12 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
     return ret->potential;
 }
 
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double compression)
+void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite)
 {
     dr_matrix_reset(cloth->A);
-    dr_stretch_hessian(cloth->stretch, x, cloth->stress, compression, cloth->A);
+    dr_stretch_hessian(cloth->stretch, x, cloth->stress, indefinite, cloth->A);
     if (cloth->contact)
-        dr_contact_hessian(cloth->contact, x, cloth->A);
+        dr_contact_hessian(cloth->contact, x, indefinite, cloth->A);
 }
 
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f)

@@ -36,8 +36,9 @@ size_t dr_cloth_bytes(const struct dr_cloth *cloth);
 double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f);
 
 /* A = base (see dr_matrix_set_base) + the Hessian at x, with the geometric stiffness of cloth->stress:
- * its tensile part and `compression` times its compressive part (see dr_stretch_hessian). */
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double compression);
+ * its tensile part and `indefinite` times its compressive part and the bodies' curvature. 0: positive
+ * semi-definite; 1, with the stress at x: the true Hessian (see dr_stretch_hessian, dr_contact_hessian). */
+void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite);
 
 /* max over free nodes of |f_i|, N; NaN if any is. */
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f);

@@ -138,9 +138,10 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
     return energy;
 }
 
-/* Kept Hessian of one sample, kappa A psi'' n n' summed over the bodies, as the lower triangle xx, yx,
- * yy, zx, zy, zz. False when it is zero. */
-static bool sample_hessian(const struct dr_contact *contact, const double x[3], double stiffness, double H[6])
+/* Hessian of one sample, kappa A (psi'' n n' - psi' curvature) summed over the bodies, as the lower triangle
+ * xx, yx, yy, zx, zy, zz. False when it is zero. */
+static bool sample_hessian(const struct dr_contact *contact, const double x[3], double stiffness,
+                           double curvature, double H[6])
 {
     bool any = false;
     memset(H, 0, 6 * sizeof *H);
@@ -149,9 +150,12 @@ static bool sample_hessian(const struct dr_contact *contact, const double x[3], 
         if (!touch_body(contact->body[b], x, stiffness, &touch))
             continue;
         any = true;
+        double bent[6] = {0, 0, 0, 0, 0, 0};
+        if (curvature > 0)
+            dr_body_curvature(contact->body[b], x, bent);
         for (int i = 0, entry = 0; i < 3; i++)
-            for (int j = 0; j <= i; j++)
-                H[entry++] += touch.stiffness * touch.n[i] * touch.n[j];
+            for (int j = 0; j <= i; j++, entry++)
+                H[entry] += touch.stiffness * touch.n[i] * touch.n[j] - curvature * touch.force * bent[entry];
     }
     return any;
 }
@@ -167,16 +171,17 @@ static void add_centroid(struct dr_matrix *A, size_t t, const double H[6])
     dr_matrix_add_triangle(A, t, (const double(*)[9])block);
 }
 
-void dr_contact_hessian(const struct dr_contact *contact, const double *x, struct dr_matrix *A)
+void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
+                        struct dr_matrix *A)
 {
     const struct dr_mesh *mesh = contact->mesh;
     double H[6], at[3];
     for (size_t v = 0; v < mesh->nodes; v++)
-        if (sample_hessian(contact, x + 3 * v, node_stiffness(contact, v), H))
+        if (sample_hessian(contact, x + 3 * v, node_stiffness(contact, v), curvature, H))
             dr_matrix_add_node(A, (uint32_t)v, H);
     for (size_t t = 0; t < mesh->triangles; t++) {
         centroid(mesh->triangle + 3 * t, x, at);
-        if (sample_hessian(contact, at, centroid_stiffness(contact, t), H))
+        if (sample_hessian(contact, at, centroid_stiffness(contact, t), curvature, H))
             add_centroid(A, t, H);
     }
 }

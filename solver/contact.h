@@ -3,8 +3,8 @@
  * Samples are the nodes (weight A_v/2, A_v a third of each incident rest area) and the triangle
  * centroids (A_t/2), each against each body at that body's own offset. With s = offset - phi:
  *   E = kappa A psi(s),  psi = s^3/(6w) for 0 < s < w,  w^2/6 + w e/2 + e^2/2 with e = s - w beyond,
- * w = offset/2, kappa = DR_CONTACT_STIFFNESS. Its Hessian keeps kappa A psi'' n n' with n the gradient
- * of phi, which is positive semi-definite; the curvature of phi is dropped.
+ * w = offset/2, kappa = DR_CONTACT_STIFFNESS. Its Hessian is kappa A (psi'' n n' - psi' H), n the gradient
+ * and H the curvature of phi. Steps drop the second part: what is left is positive semi-definite.
  *
  * Sums run in a fixed order: nodes, then triangles; bodies in scene order within each. Nothing is
  * allocated after dr_contact_new. Immutable once made; shareable by threads. */
@@ -29,8 +29,10 @@ size_t dr_contact_bytes(const struct dr_contact *contact);
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_contact_energy(const struct dr_contact *contact, const double *x, double *g);
 
-/* Adds the positive semi-definite Hessian at x to A. */
-void dr_contact_hessian(const struct dr_contact *contact, const double *x, struct dr_matrix *A);
+/* Adds the Hessian at x to A, with `curvature` times the part of the bodies' curvature. 0: positive
+ * semi-definite; 1: the true Hessian. */
+void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
+                        struct dr_matrix *A);
 
 /* Scales down the move w (3*nodes, finite, in place) of each node that would take it too deep into a
  * body, `depth` > 0, m. The straight path from x to x + w is walked by the distances met on the way:

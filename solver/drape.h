@@ -203,17 +203,22 @@ typedef struct drape_energies { /* joules */
     double potential; /* stretch + bend + gravity + contact */
 } drape_energies;
 
-typedef enum drape_phase { DRAPE_PHASE_SEWING = 0, DRAPE_PHASE_DRAPING } drape_phase;
+typedef enum drape_phase {
+    DRAPE_PHASE_SEWING = 0,
+    DRAPE_PHASE_DRAPING,
+    DRAPE_PHASE_CERTIFYING /* rows repeat the iteration they start from */
+} drape_phase;
 
 /* One iteration; row 0 is the start (after sewing). One row of the trace. */
 typedef struct drape_row {
     uint32_t iteration;
     double seconds; /* since drape_sim_run began, sewing included */
     drape_energies energy;
-    double residual_energy;     /* J: an estimate of E - E*: half the Newton decrement 1/2 f'A^-1 f with the
-                                 * step matrix A. A holds M/dt^2, so the estimate is low while slow modes are
-                                 * left: 5 to 100 times on the paper's square until it hangs still. NAN where
-                                 * there is none: rk4, and newton where its Jacobian is indefinite */
+    double residual_energy;     /* J: E - E*. Certified runs know E*: their rows tell the difference. Else an
+                                 * estimate, half the Newton decrement 1/2 f'A^-1 f with the step matrix A. A
+                                 * holds M/dt^2, so the estimate is low while slow modes are left: 5 to 100
+                                 * times on the paper's square until it hangs still. NAN where there is none:
+                                 * rk4, and newton where its Jacobian is indefinite */
     double residual_force;      /* max over free nodes of |f_i| / (mean node mass * |g|) */
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
@@ -239,6 +244,7 @@ typedef struct drape_options {   /* start from drape_options_default() */
     double air_damping;          /* 1/s, >= 0: force -air_damping M v; 0. Backward Euler only */
     double material_damping;     /* s, >= 0: force -material_damping H v; 0. Backward Euler only */
     bool line_search;            /* newton halves a step that raises the potential; false: as published */
+    bool certify;                /* carry rest on to round-off and prove it a minimum; false */
     double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
     double time_limit;           /* s of wall time, > 0; 120 */
@@ -292,6 +298,23 @@ typedef struct drape_term {
 
 #define DRAPE_MAX_TERMS 16
 
+/* What became of options.certify. From rest, Newton on the true Hessian H (bodies included) goes on to
+ * round-off; there Cholesky of H less a bound of its own round-off proves a strict local minimum. Where H has
+ * negative curvature, the cloth is pushed along it and draped on. The trace stays the method's, and so do the
+ * report's iterations, factorizations and solves: what the certificate took is told here. */
+typedef struct drape_certificate {
+    bool certified;
+    const char *reason;      /* static string: why, or why not; NULL: not asked for */
+    double largest_move;     /* m: max over nodes of |H^-1 f|, to first order what is left to go */
+    double energy_left;      /* J: 1/2 f'H^-1 f, likewise. Both NAN where H never was positive definite */
+    double curvature;        /* 1/s^2: certified, H - curvature M is positive definite, too: no swing about
+                              * rest is slower than 2 pi/sqrt(curvature) s, if > 0. Else the most negative
+                              * curvature d'Hd/d'Md met; 0: none */
+    uint32_t escapes;        /* pushes along negative curvature */
+    uint32_t steps;          /* of Newton */
+    uint32_t factorizations; /* failed ones included */
+} drape_certificate;
+
 typedef struct drape_stage { /* where the seconds went */
     const char *name;        /* "sew", "assemble", "factorise", ... */
     double seconds;
@@ -310,7 +333,9 @@ typedef struct drape_report {
     uint32_t sewing_iterations;
     double seam_gap; /* m: largest gap left when the seams were welded; 0 without seams */
     double seconds;
-    drape_row state;          /* the row of the state that drape_sim_positions returns */
+    drape_row state; /* the row of the state that drape_sim_positions returns; certified, its
+                      * residual_energy is the certificate's energy_left */
+    drape_certificate certificate;
     uint32_t penetrations;    /* nodes inside a body (distance < 0) in that state */
     double deepest;           /* m: depth of the deepest of them; 0 when none */
     size_t nodes, free_nodes; /* after welding */

@@ -24,8 +24,8 @@ size_t dr_field_bytes(const struct dr_field *field)
            field->blocks * DR_BLOCK_NODES * sizeof *field->value;
 }
 
-/* The four cubic B-spline weights and their derivatives at fraction t of a cell. */
-static void spline_weights(double t, double w[4], double dw[4])
+/* The four cubic B-spline weights and their first two derivatives at fraction t of a cell. */
+static void spline_weights(double t, double w[4], double dw[4], double ddw[4])
 {
     double s = 1 - t;
     w[0] = s * s * s / 6;
@@ -36,19 +36,23 @@ static void spline_weights(double t, double w[4], double dw[4])
     dw[1] = t * (3 * t - 4) / 2;
     dw[2] = -s * (3 * s - 4) / 2;
     dw[3] = t * t / 2;
+    ddw[0] = s;
+    ddw[1] = 3 * t - 2;
+    ddw[2] = 3 * s - 2;
+    ddw[3] = t;
 }
 
 /* The four nodes of a stencil along one axis: index of their block along it, index within the block. */
 struct stencil_axis {
     size_t block[4], node[4];
-    double w[4], dw[4];
+    double w[4], dw[4], ddw[4];
 };
 
 static struct stencil_axis locate(double u)
 {
     struct stencil_axis axis;
     double cell = floor(u);
-    spline_weights(u - cell, axis.w, axis.dw);
+    spline_weights(u - cell, axis.w, axis.dw, axis.ddw);
     for (size_t c = 0; c < 4; c++) {
         size_t i = (size_t)cell - 1 + c;
         axis.block[c] = i / DR_BLOCK;
@@ -71,10 +75,9 @@ static void read_row(const struct dr_field *field, const struct stencil_axis *x,
     }
 }
 
-/* phi = sum w_a w_b w_c value_abc; false out of reach. */
-static bool interpolate(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3])
+/* The stencil round x; false when no node of its cell was resolved. */
+static bool locate_cell(const struct dr_field *field, const double x[3], struct stencil_axis axis[3])
 {
-    struct stencil_axis axis[3];
     for (int d = 0; d < 3; d++) {
         double u = (x[d] - field->origin[d]) / field->spacing;
         /* Blocks of the outermost layer do not exist. A NaN fails this test, too. */
@@ -82,11 +85,19 @@ static bool interpolate(const struct dr_field *field, const double x[3], double 
             return false;
         axis[d] = locate(u);
     }
+    size_t row = field->side[0], layer = row * field->side[1];
+    /* Without a block the cell's own node is farther than reach + 3.5 spacings, so x is out of reach. */
+    return field->table[axis[2].block[1] * layer + axis[1].block[1] * row + axis[0].block[1]];
+}
+
+/* phi = sum w_a w_b w_c value_abc; false out of reach. */
+static bool interpolate(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3])
+{
+    struct stencil_axis axis[3];
+    if (!locate_cell(field, x, axis))
+        return false;
     const struct stencil_axis *y = &axis[1], *z = &axis[2];
     size_t row = field->side[0], layer = row * field->side[1];
-    if (!field->table[z->block[1] * layer + y->block[1] * row + axis[0].block[1]])
-        return false; /* the cell's own node is farther than reach + 3.5 spacings, so x is out of reach */
-
     double phi = 0, grad[3] = {0, 0, 0};
     for (int c = 0; c < 4; c++) {
         for (int b = 0; b < 4; b++) {
@@ -135,4 +146,29 @@ bool dr_field_distance(const struct dr_field *field, const double x[3], double *
     if (*ret_phi < 0 && square < LEAST_GRADIENT * LEAST_GRADIENT)
         steepest_axis(field, x, *ret_phi, ret_grad);
     return true;
+}
+
+void dr_field_curvature(const struct dr_field *field, const double x[3], double ret[6])
+{
+    struct stencil_axis axis[3];
+    double phi, unused[3], sum[6] = {0, 0, 0, 0, 0, 0};
+    if (!interpolate(field, x, &phi, unused) || !locate_cell(field, x, axis))
+        return;
+    size_t row = field->side[0], layer = row * field->side[1];
+    for (int c = 0; c < 4; c++)
+        for (int b = 0; b < 4; b++)
+            for (int a = 0; a < 4; a++) {
+                const struct stencil_axis *X = &axis[0], *Y = &axis[1], *Z = &axis[2];
+                size_t block = field->table[Z->block[c] * layer + Y->block[b] * row + X->block[a]];
+                size_t node = (Z->node[c] * DR_BLOCK + Y->node[b]) * DR_BLOCK + X->node[a];
+                double value = field->value[block * DR_BLOCK_NODES + node];
+                sum[0] += X->ddw[a] * Y->w[b] * Z->w[c] * value;
+                sum[1] += X->dw[a] * Y->dw[b] * Z->w[c] * value;
+                sum[2] += X->w[a] * Y->ddw[b] * Z->w[c] * value;
+                sum[3] += X->dw[a] * Y->w[b] * Z->dw[c] * value;
+                sum[4] += X->w[a] * Y->dw[b] * Z->dw[c] * value;
+                sum[5] += X->w[a] * Y->w[b] * Z->ddw[c] * value;
+            }
+    for (int i = 0; i < 6; i++)
+        ret[i] = sum[i] / (field->spacing * field->spacing);
 }

@@ -48,4 +48,7 @@ size_t dr_field_bytes(const struct dr_field *field);
 /* As dr_body_distance, which see. */
 bool dr_field_distance(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3]);
 
+/* As dr_body_curvature, which see. */
+void dr_field_curvature(const struct dr_field *field, const double x[3], double ret[6]);
+
 #endif

@@ -11,6 +11,7 @@
  * so entry (r, c) of the block whose column-0 rows start at `at` sits at at + c*length - c(c+1)/2 + r. */
 #include "matrix.h"
 
+#include <assert.h>
 #include <cholmod.h>
 #include <limits.h>
 #include <math.h>
@@ -454,6 +455,35 @@ void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)
     dr_matrix_add_node(A, A->link_node[2 * i + 1], H);
     if (A->free)
         add_scalar(A->A->x, A->link[i], -stiffness);
+}
+
+/* Entries of the fullest row of L: each supernode lists its rows, which are as wide as it has columns. */
+static double fullest_row(const struct dr_matrix *A)
+{
+    const cholmod_factor *L = A->L;
+    const int *column = L->super, *start = L->pi, *row = L->s;
+    double *width = A->w->x, fullest = 0; /* the solution's place is free until the next solve */
+    memset(width, 0, L->n * sizeof *width);
+    for (size_t k = 0; k < L->nsuper; k++)
+        for (int i = start[k]; i < start[k + 1]; i++)
+            width[row[i]] += column[k + 1] - column[k];
+    for (size_t i = 0; i < L->n; i++)
+        fullest = fmax(fullest, width[i]);
+    return fullest;
+}
+
+void dr_matrix_lower_by_round_off(struct dr_matrix *A)
+{
+    if (!A->free)
+        return;
+    assert(A->factor == DR_CHOLESKY);
+    const int *first = A->A->p;
+    double *value = A->A->x, trace = 0, g = (fullest_row(A) + 2) * 0x1p-53;
+    for (size_t i = 0; i < 3 * A->free; i++)
+        trace += value[first[i]]; /* a column begins with its diagonal */
+    double c = g / (1 - 2 * g) * trace;
+    for (size_t i = 0; i < 3 * A->free; i++)
+        value[first[i]] -= c;
 }
 
 /* ---- solving ------------------------------------------------------------------------------------ */

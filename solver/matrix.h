@@ -44,6 +44,12 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 /* Adds stiffness (1 -1; -1 1) (x) I3 between the two nodes of link i. */
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness);
 
+/* Subtracts c I from A, c so large that dr_matrix_factorise coming to its end afterwards proves that A was
+ * positive definite, whatever was rounded on the way: g/(1 - g) tr(A), g = n u/(1 - n u), with n two more
+ * than the entries of the factor's fullest row and u = 2^-53 (Rump, "Verification of positive
+ * definiteness", BIT 46, 2006). DR_CHOLESKY only. */
+void dr_matrix_lower_by_round_off(struct dr_matrix *A);
+
 /* Factorises A into memory kept from call to call (analysed in dr_matrix_new). False: A is not positive
  * definite (DR_CHOLESKY) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);

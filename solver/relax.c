@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "certify.h"
 #include "error.h"
-#include "state.h"
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
@@ -272,11 +272,39 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     }
     report->verdict = verdict;
     report->reason = reason;
+    for (size_t i = 0; report->certificate.certified && i < s->sim->rows; i++) {
+        drape_row *row = s->sim->row + i; /* E* is known now */
+        row->residual_energy = row->energy.potential - s->row.energy.potential;
+    }
     report->nodes = mesh->nodes;
+    report->free_nodes = 0;
     for (size_t i = 0; i < mesh->nodes; i++)
         report->free_nodes += !mesh->held[i];
     if (state_bytes(s) > s->sim->peak_bytes)
         s->sim->peak_bytes = state_bytes(s);
+}
+
+/* *ret_escaped: the run goes on from below a saddle. */
+static drape_status certify(struct dr_state *s, drape_verdict verdict, bool *ret_escaped, drape_error *reterr)
+{
+    drape_certificate *certificate = &s->sim->report.certificate;
+    certificate->reason = NULL;
+    certificate->largest_move = certificate->energy_left = NAN;
+    if (verdict != DRAPE_VERDICT_AT_REST) {
+        certificate->reason = "the drape is not at rest";
+        return DRAPE_OK;
+    }
+    drape_status status = dr_certify(s, ret_escaped, reterr);
+    if (status < 0 || !*ret_escaped)
+        return status;
+    memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
+    s->best_row = s->row;
+    if (s->v)
+        memset(s->v, 0, 3 * s->cloth->mesh->nodes * sizeof *s->v);
+    s->moving = false;
+    s->fresh = true;
+    s->row.iteration++;
+    return DRAPE_OK;
 }
 
 static drape_status iterate(struct dr_state *s, drape_error *reterr)
@@ -299,8 +327,14 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
         drape_verdict verdict;
         const char *reason = ending(s, &verdict);
         if (reason) {
-            conclude(s, verdict, reason);
-            return DRAPE_OK;
+            bool escaped = false;
+            if (s->sim->options.certify)
+                status = certify(s, verdict, &escaped, reterr);
+            if (status >= 0 && !escaped)
+                conclude(s, verdict, reason);
+            if (status < 0 || !escaped)
+                return status;
+            continue;
         }
         s->row.linear_iterations = 0;
         status = s->method->advance(s, reterr);

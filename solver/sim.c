@@ -127,6 +127,7 @@ static void report_stages(struct drape_sim *sim)
     static const char *const name[DR_STAGES] = {
         [DR_STAGE_PREPARE] = "prepare",     [DR_STAGE_SEW] = "sew",     [DR_STAGE_ASSEMBLE] = "assemble",
         [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve", [DR_STAGE_MOVE] = "move",
+        [DR_STAGE_CERTIFY] = "certify",
     };
     for (int i = 0; i < DR_STAGES; i++)
         sim->report.stage[sim->report.stages++] = (drape_stage){name[i], sim->stage[i]};

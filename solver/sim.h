@@ -14,6 +14,7 @@ enum dr_stage {
     DR_STAGE_FACTORISE,
     DR_STAGE_SOLVE,
     DR_STAGE_MOVE, /* line search: energies, forces, contact limits */
+    DR_STAGE_CERTIFY,
     DR_STAGES
 };
 

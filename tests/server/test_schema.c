@@ -145,7 +145,7 @@ static void test_schema__solver_options_are_read(void **state)
     struct job_spec *spec =
         parse_with("/solver", "{\"method\": \"dynamic\", \"stop_on\": \"kinetic\", \"time_step\": 0.01,"
                               " \"tolerance\": 1e-4, \"max_iterations\": 0, \"time_limit_s\": 7.5,"
-                              " \"integrator\": \"backward-euler\", \"certify\": false,"
+                              " \"integrator\": \"backward-euler\", \"certify\": true,"
                               " \"damping\": {\"air\": 0, \"material\": 0.0}}");
     assert_int_equal(spec->options.method, DRAPE_METHOD_DYNAMIC);
     assert_int_equal(spec->options.stop_on, DRAPE_STOP_ON_KINETIC);
@@ -153,6 +153,7 @@ static void test_schema__solver_options_are_read(void **state)
     assert_close(spec->options.tolerance, 1e-4, 0);
     assert_int_equal(spec->options.max_iterations, 0);
     assert_close(spec->options.time_limit, 7.5, 0);
+    assert_true(spec->options.certify);
     job_spec_free(spec);
 }
 
@@ -450,7 +451,7 @@ static void test_schema__what_the_contract_has_and_this_version_not_is_unsupport
     static const struct refusal REFUSAL[] = {
         {"/bodies/0/friction", "0.3", NULL},     {"/bodies/0/motion", "[]", NULL},
         {"/bodies/0/motion_seconds", "1", NULL}, {"/start_from", "\"0123\"", NULL},
-        {"/self_contact", "\"on\"", NULL},       {"/solver/certify", "true", NULL},
+        {"/self_contact", "\"on\"", NULL},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
 }
@@ -818,6 +819,31 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(json, "stop_on")), "kinetic");
     assert_true(json_integer_value(json_object_get(json, "peak_bytes")) == (json_int_t)5 << 30);
     assert_close(json_number_value(json_object_get(json_object_get(json, "stages"), "assemble")), 0.5, 0);
+    assert_true(json_is_null(json_object_get(json, "certificate")));
+    assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "estimate");
+    json_decref(json);
+}
+
+static void test_schema__a_certificate_is_told_with_its_figures(void **state)
+{
+    (void)state;
+    static const char *const MEMBERS[] = {"certified", "reason", "largest_move",   "energy_left", "curvature",
+                                          "escapes",   "steps",  "factorizations", NULL};
+    drape_report report = {.reason = "so it is", .certificate = {true, "proven", 1e-16, 2e-28, 14, 1, 3, 5}};
+    json_t *json = schema_report_json(&report), *certificate = json_object_get(json, "certificate");
+    expect_members(certificate, MEMBERS);
+    assert_true(json_is_true(json_object_get(certificate, "certified")));
+    assert_close(json_number_value(json_object_get(certificate, "largest_move")), 1e-16, 0);
+    assert_close(json_number_value(json_object_get(certificate, "curvature")), 14, 0);
+    assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "reference");
+    json_decref(json);
+
+    report.certificate = (drape_certificate){.reason = "the drape is not at rest", .largest_move = NAN};
+    json = schema_report_json(&report);
+    certificate = json_object_get(json, "certificate");
+    assert_true(json_is_false(json_object_get(certificate, "certified")));
+    assert_true(json_is_null(json_object_get(certificate, "largest_move"))); /* NAN is no JSON */
+    assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "estimate");
     json_decref(json);
 }
 
@@ -932,6 +958,7 @@ int main(void)
         cmocka_unit_test(test_schema__places_of_the_solver_become_pointers),
         cmocka_unit_test(test_schema__progress_has_the_members_of_the_contract),
         cmocka_unit_test(test_schema__report_has_the_members_of_the_contract),
+        cmocka_unit_test(test_schema__a_certificate_is_told_with_its_figures),
         cmocka_unit_test(test_schema__openapi_gives_the_defaults_and_limits_there_are),
         cmocka_unit_test(test_schema__openapi_lists_every_problem_code),
         cmocka_unit_test(test_schema__openapi_has_the_members_of_progress_and_report),

@@ -198,6 +198,73 @@ static void test_body__gradients_of_formulas_are_derivatives(void **state)
     }
 }
 
+/* Checks the curvature at x against central differences of the gradient; false out of reach. */
+static bool curvature_is_derivative(const struct dr_body *body, const double x[3], double step,
+                                    double tolerance)
+{
+    static const int entry[3][3] = {{0, 1, 3}, {1, 2, 4}, {3, 4, 5}};
+    double unused, here[3], bent[6];
+    if (!dr_body_distance(body, x, &unused, here))
+        return false;
+    dr_body_curvature(body, x, bent);
+    for (int d = 0; d < 3; d++) {
+        double left[3] = {x[0], x[1], x[2]}, right[3] = {x[0], x[1], x[2]}, below[3], above[3];
+        left[d] -= step;
+        right[d] += step;
+        if (!dr_body_distance(body, left, &unused, below) || !dr_body_distance(body, right, &unused, above))
+            return false;
+        for (int i = 0; i < 3; i++)
+            assert_near((above[i] - below[i]) / (2 * step), bent[entry[i][d]], tolerance, 1);
+    }
+    return true;
+}
+
+static void test_body__curvatures_are_derivatives(void **state)
+{
+    (void)state;
+    const double middle[3] = {0.05, 0.03, 0.9}, cap[3] = {0.04, 0.03, -0.06};
+    const struct {
+        const drape_body *desc;
+        const double *centre;
+    } where[] = {{&ball, ball.point}, {&floor_plane, floor_plane.point}, {&limb, middle}, {&limb, cap}};
+    uint64_t seed = 13;
+    for (int k = 0; k < 4; k++) {
+        struct dr_body *body = make(where[k].desc);
+        double half = k < 2 ? 0.2 : 0.025; /* clear of the axis, and of where the cap begins */
+        int checked = 0;
+        for (int i = 0; i < 1000; i++) {
+            double x[3];
+            random_in_box(&seed, where[k].centre, (double[]){half, half, half}, x);
+            double r[3];
+            subtract(x, where[k].centre, r);
+            if (where[k].desc == &ball && norm(r) < 0.05)
+                continue; /* 1/r changes too fast for differences */
+            checked += curvature_is_derivative(body, x, 1e-6, 1e-4);
+        }
+        assert_in_range(checked, 200, 1000);
+        dr_body_free(body);
+    }
+}
+
+static void test_body__a_mesh_curvature_is_the_derivative(void **state)
+{
+    (void)state;
+    struct shape box = shape_box((double[]){-0.05, -0.04, -0.03}, (double[]){0.05, 0.04, 0.03});
+    struct dr_body *body = make_shape(&box);
+    uint64_t seed = 23;
+    int checked = 0;
+    for (int i = 0; i < 3000; i++) {
+        double x[3], phi, grad[3];
+        random_in_box(&seed, (double[]){0, 0, 0}, (double[]){0.08, 0.07, 0.06}, x);
+        if (!dr_body_distance(body, x, &phi, grad) || (phi < 0 && norm(grad) < 0.02))
+            continue; /* on the medial axis the gradient may be the stand-in */
+        checked += curvature_is_derivative(body, x, 1e-6, 1e-2); /* of 250/m; it is only C0 between cells */
+    }
+    assert_in_range(checked, 1000, 3000);
+    dr_body_free(body);
+    shape_free(&box);
+}
+
 static void test_body__centre_and_axis_have_a_unit_gradient(void **state)
 {
     (void)state;
@@ -817,6 +884,8 @@ int main(void)
         cmocka_unit_test(test_body__sphere_plane_and_capsule_are_exact),
         cmocka_unit_test(test_body__a_capsule_of_no_length_is_a_sphere),
         cmocka_unit_test(test_body__gradients_of_formulas_are_derivatives),
+        cmocka_unit_test(test_body__curvatures_are_derivatives),
+        cmocka_unit_test(test_body__a_mesh_curvature_is_the_derivative),
         cmocka_unit_test(test_body__centre_and_axis_have_a_unit_gradient),
         cmocka_unit_test(test_body__out_of_reach_leaves_the_results_alone),
         cmocka_unit_test(test_body__support_is_the_lowest_point),

@@ -205,7 +205,7 @@ static void test_contact__evaluation_allocates_nothing(void **state)
     struct dr_matrix A = {mesh, 3 * mesh->nodes, calloc(9 * mesh->nodes * mesh->nodes, sizeof(double))};
     countdown = 0; /* the next allocation would use this up */
     assert_true(dr_contact_energy(contact, x, g) > 0);
-    dr_contact_hessian(contact, x, &A);
+    dr_contact_hessian(contact, x, 1, &A);
     dr_contact_clip(contact, x, g, 1e-3);
     dr_contact_penetrations(contact, x, &deepest);
     long left = countdown;
@@ -313,18 +313,16 @@ static double largest_entry(const struct dr_matrix *A)
     return largest;
 }
 
-/* Against a plane nothing is dropped: the Hessian is the derivative of the gradient. */
-static void test_contact__the_hessian_is_exact_for_a_plane(void **state)
+/* The Hessian with the share `curvature` of the bodies' curvature is the derivative of the gradient. */
+static void check_hessian(struct dr_body **body, size_t bodies, double height, double curvature)
 {
-    (void)state;
     struct dr_mesh *mesh = square_mesh(4, 0.05);
-    struct dr_body *body = make_body(slope);
-    struct dr_contact *contact = make_contact(mesh, &body, 1);
+    struct dr_contact *contact = make_contact(mesh, body, bodies);
     struct dr_matrix A = dense(mesh);
-    double *x = place(mesh, 0.05, -0.001, 0.003), *above = calloc(A.n, sizeof *above),
+    double *x = place(mesh, 0.05, height, 0.003), *above = calloc(A.n, sizeof *above),
            *below = calloc(A.n, sizeof *below);
     const double step = 1e-7;
-    dr_contact_hessian(contact, x, &A);
+    dr_contact_hessian(contact, x, curvature, &A);
     double largest = largest_entry(&A);
     assert_true(largest > 100); /* kappa A/2 is about 500 N/m a sample */
     for (size_t i = 0; i < A.n; i++) {
@@ -344,8 +342,28 @@ static void test_contact__the_hessian_is_exact_for_a_plane(void **state)
     free(above);
     free(below);
     dr_contact_free(contact);
-    dr_body_free(body);
     dr_mesh_free(mesh);
+}
+
+static void test_contact__without_curvature_the_hessian_is_exact_for_a_plane(void **state)
+{
+    (void)state;
+    struct dr_body *body = make_body(slope);
+    check_hessian(&body, 1, -0.001, 0);
+    dr_body_free(body);
+}
+
+static void test_contact__with_curvature_the_hessian_is_exact_for_every_body(void **state)
+{
+    (void)state;
+    struct dr_body *body[5] = {make_body(ground), make_body(slope), make_body(wire), make_body(ball),
+                               make_sphere_mesh(0.05, 0.003)};
+    check_hessian(&body[2], 1, 0.002, 1);
+    check_hessian(&body[3], 1, 0.049, 1);
+    check_hessian(&body[4], 1, 0.049, 1);
+    check_hessian(body, 5, 0.003, 1);
+    for (int b = 0; b < 5; b++)
+        dr_body_free(body[b]);
 }
 
 static void test_contact__the_hessian_is_positive_semidefinite(void **state)
@@ -357,7 +375,7 @@ static void test_contact__the_hessian_is_positive_semidefinite(void **state)
     struct dr_matrix A = dense(mesh);
     double *x = place(mesh, 0.08, 0, 0.05);
     uint64_t seed = 19;
-    dr_contact_hessian(contact, x, &A);
+    dr_contact_hessian(contact, x, 0, &A);
     double largest = largest_entry(&A);
     assert_true(largest > 100);
     for (int trial = 0; trial < 200; trial++) {
@@ -625,7 +643,8 @@ int main(void)
         cmocka_unit_test(test_contact__evaluation_allocates_nothing),
         cmocka_unit_test(test_contact__the_penalty_is_twice_differentiable),
         cmocka_unit_test(test_contact__gradients_are_derivatives),
-        cmocka_unit_test(test_contact__the_hessian_is_exact_for_a_plane),
+        cmocka_unit_test(test_contact__without_curvature_the_hessian_is_exact_for_a_plane),
+        cmocka_unit_test(test_contact__with_curvature_the_hessian_is_exact_for_every_body),
         cmocka_unit_test(test_contact__the_hessian_is_positive_semidefinite),
         cmocka_unit_test(test_contact__a_head_on_move_ends_within_depth),
         cmocka_unit_test(test_contact__free_moves_are_left_alone),

@@ -202,6 +202,38 @@ static void test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory(void *
     release(&s);
 }
 
+/* One free node: the factor's fullest row has three entries. Definite, and proven so, while the lowest
+ * curvature is above c. */
+static void test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven(void **state)
+{
+    (void)state;
+    const double pattern[] = {0, 0, 1, 0, 0, 1}, density = 1;
+    const uint32_t one[] = {0, 1, 2};
+    const bool held[] = {false, true, true};
+    struct dr_mesh *mesh;
+    struct dr_matrix *A;
+    assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
+    const double g = (3 + 2) * 0x1p-53, large = 1e6;
+    const double c = g / (1 - 2 * g) * 3 * large;
+    const double curvature[] = {large, 1e-3, 1.01 * c, 0.99 * c, 0, -1e-3};
+    for (size_t i = 0; i < sizeof curvature / sizeof *curvature; i++) {
+        /* two stiff directions and one of the curvature in question */
+        const double stiff = (3 * large - curvature[i]) / 2;
+        bool memory;
+        dr_matrix_set_base(A, 0);
+        dr_matrix_reset(A);
+        dr_matrix_add_node(A, 0, (const double[6]){stiff, 0, curvature[i], 0, 0, stiff});
+        dr_matrix_lower_by_round_off(A);
+        bool proven = dr_matrix_factorise(A, &memory);
+        print_message("  curvature %g beside %g: %s\n", curvature[i], large,
+                      proven ? "proven" : "not proven");
+        assert_int_equal(proven, curvature[i] > c);
+    }
+    dr_matrix_free(A);
+    dr_mesh_free(mesh);
+}
+
 static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **state)
 {
     (void)state;
@@ -232,6 +264,7 @@ int main(void)
         cmocka_unit_test(test_matrix__solve_leaves_no_residual_in_dense_arithmetic),
         cmocka_unit_test(test_matrix__one_and_two_right_hand_sides_give_the_same_bytes),
         cmocka_unit_test(test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory),
+        cmocka_unit_test(test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven),
         cmocka_unit_test(test_matrix__a_cloth_held_everywhere_has_nothing_to_solve),
     };
     return cmocka_run_group_tests_name("matrix", tests, NULL, NULL);

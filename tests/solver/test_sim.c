@@ -483,6 +483,17 @@ static void test_sim__every_allocation_may_fail(void **state)
     e.options.method = DRAPE_METHOD_NEWTON;
     e.options.max_iterations = 2;
     failed += sweep(&e);
+    for (int own = 0; own < 2; own++) { /* a certificate with the method's matrix, and with one of its own */
+        make(&e);
+        e.options.method = DRAPE_METHOD_STOP_AND_GO;
+        e.options.integrator = own ? DRAPE_RK4 : DRAPE_BACKWARD_EULER;
+        e.options.certify = true;
+        e.options.tolerance = 1e3; /* at rest at once */
+        e.options.max_iterations = 2;
+        long more = sweep(&e);
+        assert_true(more > 30);
+        failed += more;
+    }
     print_message("made %ld allocations fail\n", failed);
 }
 #endif
