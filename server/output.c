@@ -138,11 +138,13 @@ static int write_glb(FILE *file, const struct output *output)
 
 /* ---- the trace -------------------------------------------------------------------------------- */
 
-enum { COLUMNS = 13 };
+enum { COLUMNS = 14 };
 
-static const char *const COLUMN[COLUMNS] = {
-    "iteration", "seconds",         "stretch",        "bend", "gravity",   "contact",          "kinetic",
-    "potential", "residual_energy", "residual_force", "stop", "time_step", "linear_iterations"};
+/* New columns come last: traces that an earlier version stored are served as they are. */
+static const char *const COLUMN[COLUMNS] = {"iteration",         "seconds",        "stretch", "bend",
+                                            "gravity",           "contact",        "kinetic", "potential",
+                                            "residual_energy",   "residual_force", "stop",    "time_step",
+                                            "linear_iterations", "factorizations"};
 
 static void put_columns(FILE *file, const char *quote)
 {
@@ -166,7 +168,8 @@ static void put_row(FILE *file, const drape_row *row, const char *unknown)
                                    row->residual_force,
                                    row->stop,
                                    row->time_step,
-                                   row->linear_iterations};
+                                   row->linear_iterations,
+                                   row->factorizations};
     for (size_t i = 0; i < COLUMNS; i++) {
         if (i > 0)
             fputc(',', file);

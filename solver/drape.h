@@ -223,6 +223,8 @@ typedef struct drape_row {
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
     uint32_t linear_iterations; /* back-solves of the step that led here */
+    uint32_t factorizations;    /* Cholesky attempts of this iteration, failed ones included: of the matrix at
+                                 * this state, so row 0 has its own. Their sum is the report's without sewing */
 } drape_row;
 
 typedef struct drape_progress {

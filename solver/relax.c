@@ -44,6 +44,7 @@ drape_status dr_state_factorise(struct dr_state *s, double compression, bool *re
     double assembled = dr_clock();
     *ret_definite = dr_matrix_factorise(s->cloth->A, &out_of_memory);
     sim->report.factorizations++;
+    s->row.factorizations++;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
     return out_of_memory ? dr_out_of_memory(reterr) : DRAPE_OK;
@@ -320,6 +321,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
             return DRAPE_OK;
         }
         stop_or_go(s);
+        s->row.factorizations = 0;
         drape_status status = s->method->assess(s, reterr);
         if (status < 0)
             return status;

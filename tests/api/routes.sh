@@ -96,9 +96,9 @@ request GET "/v1/jobs/$id/result?format=fbx"; problem 'nor is another format' 40
 request GET "/v1/jobs/$id/trace?format=csv"
 like 'the trace as CSV' "$(header content-type)" '^text/csv'
 is 'has the header line of the contract' "$(head -n 1 "$body" | tr -d '\r')" \
-    iteration,seconds,stretch,bend,gravity,contact,kinetic,potential,residual_energy,residual_force,stop,time_step,linear_iterations
-check 'each row has thirteen numbers, iterations count up' awk -F, 'NR > 1 {
-    if (NF != 13 || $1 != NR - 2 || $2 < seconds) exit bad = 1; seconds = $2} END {exit bad || NR < 3}' "$body"
+    iteration,seconds,stretch,bend,gravity,contact,kinetic,potential,residual_energy,residual_force,stop,time_step,linear_iterations,factorizations
+check 'each row has fourteen numbers, iterations count up' awk -F, 'NR > 1 {
+    if (NF != 14 || $1 != NR - 2 || $2 < seconds) exit bad = 1; seconds = $2} END {exit bad || NR < 3}' "$body"
 check 'potential energy is the sum of its parts' awk -F, 'NR > 1 {d = $3 + $4 + $5 + $6 - $8
     if (d > 1e-9 || d < -1e-9) exit bad = 1} END {exit bad}' "$body"
 rows=$(($(wc -l <"$body") - 1))

@@ -50,6 +50,7 @@ static int set_up(void **state)
                                 .stop = i == 1,
                                 .residual_energy = i == 0 ? NAN : 1e-3 / i,
                                 .time_step = 0.02,
+                                .factorizations = i == 0 ? 3 : 1,
                                 .energy = {.stretch = 1.0 / 3, .potential = -0.25}};
     snprintf(f->dir, sizeof f->dir, "/tmp/test_output.XXXXXX");
     if (!mkdtemp(f->dir))
@@ -196,10 +197,10 @@ static void test_output__trace_csv_is_as_the_contract_has_it(void **state)
     assert_string_equal(
         data,
         "iteration,seconds,stretch,bend,gravity,contact,kinetic,potential,residual_energy,"
-        "residual_force,stop,time_step,linear_iterations\n"
-        "0,0,0.33333333333333331,0,0,0,0,-0.25,,1,0,0.02,0\n" /* what is no number is left empty */
-        "1,0.125,0.33333333333333331,0,0,0,0,-0.25,0.001,0.090909090909090912,1,0.02,0\n"
-        "2,0.25,0.33333333333333331,0,0,0,0,-0.25,0.00050000000000000001,0.047619047619047616,0,0.02,0\n");
+        "residual_force,stop,time_step,linear_iterations,factorizations\n"
+        "0,0,0.33333333333333331,0,0,0,0,-0.25,,1,0,0.02,0,3\n" /* what is no number is left empty */
+        "1,0.125,0.33333333333333331,0,0,0,0,-0.25,0.001,0.090909090909090912,1,0.02,0,1\n"
+        "2,0.25,0.33333333333333331,0,0,0,0,-0.25,0.00050000000000000001,0.047619047619047616,0,0.02,0,1\n");
     free(data);
 }
 
@@ -209,7 +210,7 @@ static void test_output__trace_json_says_the_same(void **state)
     struct problem problem;
     assert_int_equal(write_all(f, &problem), 0);
     json_t *json = read_json(f, OUTPUT_TRACE_JSON), *rows = json_object_get(json, "rows");
-    assert_int_equal(json_array_size(json_object_get(json, "columns")), 13);
+    assert_int_equal(json_array_size(json_object_get(json, "columns")), 14);
     assert_string_equal(json_string_value(json_array_get(json_object_get(json, "columns"), 8)),
                         "residual_energy");
     assert_int_equal(json_array_size(rows), 3);

@@ -136,6 +136,45 @@ static void test_sim__hanging_square_comes_to_rest_and_says_so(void **state)
     drape_scene_free(scene);
 }
 
+/* Sewing factorises once a step and has no rows. */
+static void test_sim__rows_tell_the_factorisations(void **state)
+{
+    (void)state;
+    const drape_method method[] = {DRAPE_METHOD_AUTO, DRAPE_METHOD_STOP_AND_GO, DRAPE_METHOD_NEWTON};
+    uint32_t failed = 0;
+    for (int i = 0; i < 6; i++) {
+        struct example e;
+        make(&e);
+        if (i >= 3)
+            cut(&e);
+        for (int v = 0; v < VERTICES; v++)
+            e.positions[3 * v] *= 0.7; /* it must buckle: Cholesky of the true Hessian fails */
+        e.options.method = method[i % 3];
+        e.options.line_search = true;
+        e.options.max_iterations = 60;
+        drape_scene *scene;
+        drape_sim *sim = NULL;
+        drape_error error = {0};
+        assert_int_equal(drape_scene_new(&e.desc, &scene, &error), DRAPE_OK);
+        assert_int_equal(drape_sim_new(scene, &e.options, &sim, &error), DRAPE_OK);
+        assert_true(drape_sim_run(sim, &error) >= 0);
+        const drape_report *report = drape_sim_report(sim);
+        size_t rows;
+        const drape_row *row = drape_sim_trace(sim, &rows);
+        uint32_t sum = 0;
+        for (size_t k = 0; k < rows; k++) {
+            assert_true(row[k].factorizations >= 1);
+            failed += row[k].factorizations - 1;
+            sum += row[k].factorizations;
+        }
+        assert_int_equal(sum + report->sewing_iterations, report->factorizations);
+        assert_true((report->sewing_iterations > 0) == (i >= 3));
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+    assert_true(failed > 0); /* auto tried the blended matrix in vain: those count too */
+}
+
 static void test_sim__zero_iterations_evaluate_the_start(void **state)
 {
     (void)state;
@@ -503,6 +542,7 @@ int main(void)
     drape_blas_prepare();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sim__hanging_square_comes_to_rest_and_says_so),
+        cmocka_unit_test(test_sim__rows_tell_the_factorisations),
         cmocka_unit_test(test_sim__zero_iterations_evaluate_the_start),
         cmocka_unit_test(test_sim__running_out_of_iterations_returns_the_lowest_state),
         cmocka_unit_test(test_sim__the_callback_cancels_within_its_iteration),
