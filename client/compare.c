@@ -148,25 +148,36 @@ static void find_floor(struct comparison *c)
 
 /* ---- what it took -------------------------------------------------------------------------------- */
 
+/* Where distances are 0 and 1 (J). */
+struct scale {
+    double end, start;
+};
+
+static double distance_on(struct scale scale, double energy)
+{
+    return isfinite(energy) && scale.start > scale.end ? (energy - scale.end) / (scale.start - scale.end)
+                                                       : NAN;
+}
+
 double compare_distance(const struct comparison *c, double energy)
 {
-    return isfinite(energy) ? (energy - c->best) / c->drop : NAN;
+    return distance_on((struct scale){c->best, c->start}, energy);
 }
 
 static struct compare_cost cost_of_row(const struct trace *trace, size_t row)
 {
     struct compare_cost cost = {trace->row[row].iteration, trace->row[row].seconds, 0};
-    for (size_t i = 1; i <= row; i++) {
+    for (size_t i = 0; i <= row; i++) {
         cost.factorizations += trace->row[i].factorizations;
     }
     return cost;
 }
 
 /* The first row from which on every row is within `level`: to touch it on the way does not count. */
-static struct compare_cost cost_of_level(const struct comparison *c, const struct trace *trace, double level)
+static struct compare_cost cost_of_level(struct scale scale, const struct trace *trace, double level)
 {
     size_t row = trace->rows;
-    while (row > 0 && compare_distance(c, trace->row[row - 1].potential) <= level) {
+    while (row > 0 && distance_on(scale, trace->row[row - 1].potential) <= level) {
         row--;
     }
     return row < trace->rows ? cost_of_row(trace, row) : NEVER;
@@ -176,7 +187,9 @@ static void reckon_run(struct comparison *c, struct compare_run *run)
 {
     const struct trace *trace = &run->trace;
     for (size_t l = 0; l < COMPARE_LEVELS; l++) {
-        run->level[l] = run->usable ? cost_of_level(c, trace, compare_level[l]) : NEVER;
+        struct scale common = {c->best, c->start}, own = {run->energy, c->start};
+        run->level[l] = run->usable ? cost_of_level(common, trace, compare_level[l]) : NEVER;
+        run->own[l] = run->usable && run->at_rest ? cost_of_level(own, trace, compare_level[l]) : NEVER;
     }
     run->rest = run->at_rest && trace->rows > 0 ? cost_of_row(trace, trace->rows - 1) : NEVER;
     if (isfinite(run->rest.iterations) && !isfinite(run->rest.factorizations)) {

@@ -20,7 +20,8 @@ extern const double compare_level[COMPARE_LEVELS];
 struct compare_cost {      /* what it took; all NAN: never got there */
     double iterations;     /* as the trace numbers them */
     double seconds;        /* of the solver, sewing included */
-    double factorizations; /* NAN where the trace does not tell */
+    double factorizations; /* of draping, those of the state it got to included as in its seconds; NAN
+                            * where the trace does not tell */
 };
 
 struct compare_run {
@@ -36,6 +37,9 @@ struct compare_run {
     double distance; /* (energy - E*) / (E0 - E*); NAN where that says nothing */
     bool other_minimum;
     struct compare_cost level[COMPARE_LEVELS], rest;
+    /* To the same distances of the energy at which it rests itself, E0 - that energy being 1; never for a
+     * run that does not rest. The price of a minimum that may not be E*. */
+    struct compare_cost own[COMPARE_LEVELS];
 };
 
 struct comparison {

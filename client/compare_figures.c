@@ -67,7 +67,8 @@ static void note_minima(const struct comparison *c, const struct note_taker *tak
         if (c->run[i].other_minimum) {
             say(taker,
                 "The minima differ: %.200s rests at %.12g J, %.2e of E0 - E* away from E* "
-                "(more than %.0e counts as another minimum).",
+                "(more than %.0e counts as another minimum). The line below it in the table counts to its "
+                "own minimum.",
                 c->run[i].spec, c->run[i].energy, c->run[i].distance, COMPARE_SAME_MINIMUM);
         }
     }
@@ -114,13 +115,15 @@ static int spec_width(const struct comparison *c)
     return width < 60 ? (int)width : 60;
 }
 
-/* Iterations and seconds; a star where the level lies below what is known. */
+/* Iterations, factorisations and seconds; a star where the level lies below what is known. */
 static void put_cost(FILE *file, const struct compare_cost *cost, bool known)
 {
-    char iterations[32], seconds[32];
+    char iterations[32], factorizations[32], seconds[32];
     compare_cost_text(cost->iterations, true, iterations);
+    compare_cost_text(cost->factorizations, true, factorizations);
     compare_cost_text(cost->seconds, false, seconds);
-    fprintf(file, " %7s%s %8s", iterations, known || !isfinite(cost->iterations) ? " " : "*", seconds);
+    fprintf(file, " %7s%s %6s %8s", iterations, known || !isfinite(cost->iterations) ? " " : "*",
+            factorizations, seconds);
 }
 
 static bool level_known(const struct comparison *c, size_t level)
@@ -151,6 +154,13 @@ static void put_run(FILE *file, const struct comparison *c, const struct compare
     put_figure(file, 9, 3, compare_figure(run, "residual_force"));
     put_figure(file, 0, 10, run->energy);
     fputc('\n', file);
+    if (run->at_rest && run->other_minimum) {
+        fprintf(file, "%*s  %-12s", width, "", "to its own");
+        for (size_t l = 0; l < COMPARE_LEVELS; l++) {
+            put_cost(file, &run->own[l], true);
+        }
+        fputc('\n', file);
+    }
 }
 
 void compare_put_table(FILE *file, const struct comparison *c)
@@ -158,9 +168,9 @@ void compare_put_table(FILE *file, const struct comparison *c)
     int width = spec_width(c);
     fprintf(file, "%-*s  %-12s", width, "method", "ended");
     for (size_t l = 0; l < COMPARE_LEVELS; l++) {
-        fprintf(file, "   to %-5.0e %8s", compare_level[l], "s");
+        fprintf(file, "   to %-5.0e %6s %8s", compare_level[l], "fact.", "s");
     }
-    fprintf(file, " %7s  %8s  %9s  %s\n", "to rest", "s", "force", "energy J");
+    fprintf(file, " %7s  %6s %8s  %9s  %s\n", "to rest", "fact.", "s", "force", "energy J");
     for (size_t i = 0; i < c->runs; i++) {
         put_run(file, c, &c->run[i], width);
     }
@@ -207,6 +217,8 @@ static json_t *run_to_json(const struct compare_run *run)
         char key[16];
         snprintf(key, sizeof key, "to_%.0e", compare_level[l]);
         failed |= json_object_set_new(object, key, cost_to_json(&run->level[l]));
+        snprintf(key, sizeof key, "own_%.0e", compare_level[l]);
+        failed |= json_object_set_new(object, key, cost_to_json(&run->own[l]));
     }
     failed |= json_object_set_new(object, "to_rest", cost_to_json(&run->rest));
     if (failed) {

@@ -12,6 +12,8 @@
 #include "html.h"
 #include "job.h"
 
+#define MOST_STOPS 16 /* told by their iterations; the lines in the picture show all */
+
 static const char STYLE[] =
     "body{font:16px/1.5 system-ui,sans-serif;color:#282828;background:#fff;max-width:74rem;margin:2rem auto;"
     "padding:0 1.2rem}\n"
@@ -21,8 +23,8 @@ static const char STYLE[] =
     "p,ul{max-width:46rem;margin:.5rem 0}\n"
     "svg{display:block;width:100%;height:auto}\n"
     ".scroll{overflow-x:auto}\n"
-    "table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums;white-space:nowrap}\n"
-    "th,td{padding:.28rem .45rem;text-align:right;border-bottom:1px solid #ddd}\n"
+    "table{border-collapse:collapse;font-size:.84rem;font-variant-numeric:tabular-nums;white-space:nowrap}\n"
+    "th,td{padding:.28rem .4rem;text-align:right;border-bottom:1px solid #ddd}\n"
     "thead th{font-weight:600;vertical-align:bottom;border-bottom:1px solid #282828}\n"
     "th.text,td.text,tbody th{text-align:left}\n"
     "tbody th{font-weight:400}\n"
@@ -34,7 +36,8 @@ static const char STYLE[] =
     ".dashed{border-top-style:dashed}\n"
     ".keys{display:flex;flex-wrap:wrap;gap:.2rem 1.6rem;font-size:.88rem;margin:.6rem 0;max-width:none}\n"
     ".grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(26rem,1fr));gap:1.4rem}\n"
-    ".quiet{color:#5c5c5c;font-size:.88rem}\n"
+    "p.quiet{font-size:.88rem}\n"
+    ".quiet{color:#5c5c5c}\n"
     "@media print{body{max-width:none;margin:0}h2{break-after:avoid}.grid>div{break-inside:avoid}}\n";
 
 static const char *text_of(const json_t *object, const char *key)
@@ -146,8 +149,7 @@ static void put_table_head(FILE *file, int columns)
     }
     fprintf(file,
             "<th class=\"over group\" colspan=\"%d\">to rest</th>"
-            "<th class=\"group\" rowspan=\"2\">factor-<br>isations<br>in all</th><th "
-            "rowspan=\"2\">residual<br>force</th>"
+            "<th class=\"group\" rowspan=\"2\">residual<br>force</th>"
             "<th rowspan=\"2\">energy<br>(J)</th><th rowspan=\"2\">above E*</th></tr>\n<tr>",
             columns);
     for (size_t l = 0; l <= COMPARE_LEVELS; l++) {
@@ -170,26 +172,37 @@ static void put_cost(FILE *file, const struct compare_cost *cost, int columns, b
 }
 
 /* "-" for what is not known. */
-static void put_number(FILE *file, int digits, double value)
+static void put_number(FILE *file, const char *class, int digits, double value)
 {
+    fprintf(file, "<td class=\"%s\">", class);
     if (isfinite(value)) {
-        fprintf(file, "<td>%.*g</td>", digits, value);
+        fprintf(file, "%.*g</td>", digits, value);
     } else {
-        fputs("<td>-</td>", file);
+        fputs("-</td>", file);
     }
+}
+
+/* What it took to a minimum that is not E*. */
+static void put_own(FILE *file, const struct compare_run *run, int columns)
+{
+    fputs("<tr class=\"quiet\"><th class=\"text\"></th><td class=\"text\">to its own</td>", file);
+    for (size_t l = 0; l < COMPARE_LEVELS; l++) {
+        put_cost(file, &run->own[l], columns, true);
+    }
+    fprintf(file, "<td class=\"group\" colspan=\"%d\"></td><td class=\"group\" colspan=\"3\"></td></tr>\n",
+            columns);
 }
 
 static void put_run(FILE *file, const struct comparison *c, size_t i, int columns)
 {
     const struct compare_run *run = &c->run[i];
-    char factorizations[32];
     fputs("<tr><th class=\"text\" scope=\"row\">", file);
     put_run_key(file, c, i);
     fputs("</th><td class=\"text\">", file);
     html_text(file, compare_outcome(run));
     fputs(run->certified ? ", certified</td>" : "</td>", file);
     if (!run->job) {
-        fprintf(file, "<td class=\"reason group\" colspan=\"%d\">", (COMPARE_LEVELS + 1) * columns + 4);
+        fprintf(file, "<td class=\"reason group\" colspan=\"%d\">", (COMPARE_LEVELS + 1) * columns + 3);
         html_text(file, compare_reason(run));
         fputs("</td></tr>\n", file);
         return;
@@ -198,12 +211,13 @@ static void put_run(FILE *file, const struct comparison *c, size_t i, int column
         put_cost(file, &run->level[l], columns, !(compare_level[l] < c->floor));
     }
     put_cost(file, &run->rest, columns, true);
-    compare_cost_text(compare_figure(run, "factorizations"), true, factorizations);
-    fprintf(file, "<td class=\"group\">%s</td>", factorizations);
-    put_number(file, 3, compare_figure(run, "residual_force"));
-    put_number(file, 9, run->energy);
-    put_number(file, 3, run->distance);
+    put_number(file, "group", 3, compare_figure(run, "residual_force"));
+    put_number(file, "", 9, run->energy);
+    put_number(file, "", 3, run->distance);
     fputs("</tr>\n", file);
+    if (run->at_rest && run->other_minimum) {
+        put_own(file, run, columns);
+    }
 }
 
 static void put_table(FILE *file, const struct comparison *c)
@@ -215,14 +229,25 @@ static void put_table(FILE *file, const struct comparison *c)
         put_run(file, c, i, columns);
     }
     fputs("</tbody></table></div>\n<p class=\"quiet\">To 10<sup>\xE2\x88\x92k</sup>: the first iteration "
-          "from which on "
-          "(E \xE2\x88\x92 E*) / (E<sub>0</sub> \xE2\x88\x92 E*) stays below; seconds are the "
+          "from which on (E \xE2\x88\x92 E*) / (E<sub>0</sub> \xE2\x88\x92 E*) stays below. Factorisations "
+          "are all attempts up to there, failed ones included, those of sewing left out; seconds are the "
           "solver\xE2\x80\x99s, sewing "
           "included; the methods ran one after the other. To rest: until the residual force was within the "
-          "tolerance. Residual force: the largest on a free vertex, in mean vertex weights. Above E*: (E "
-          "\xE2\x88\x92 E*) / "
-          "(E<sub>0</sub> \xE2\x88\x92 E*) of the state returned.</p>\n",
+          "tolerance. To its own: the same with the energy at which the method rested, where that is another "
+          "minimum, in place of E*. Residual force: the largest on a free vertex, in mean vertex weights. "
+          "Above E*: (E \xE2\x88\x92 E*) / (E<sub>0</sub> \xE2\x88\x92 E*) of the state returned.</p>\n",
           file);
+}
+
+/* "It took 150 iterations, 151 factorisations and 47.6 s." */
+static void put_totals(FILE *file, const struct compare_run *run)
+{
+    char iterations[32], factorizations[32], seconds[32];
+    compare_cost_text(compare_figure(run, "iterations"), true, iterations);
+    compare_cost_text(compare_figure(run, "factorizations"), true, factorizations);
+    compare_cost_text(compare_figure(run, "seconds"), false, seconds);
+    fprintf(file, ". It took %s iterations, %s factorisations and %s s.", iterations, factorizations,
+            seconds);
 }
 
 /* Why each ended, since a verdict alone does not tell. */
@@ -234,6 +259,9 @@ static void put_reasons(FILE *file, const struct comparison *c)
         html_text(file, c->run[i].spec);
         fprintf(file, ": %s. ", compare_outcome(&c->run[i]));
         html_text(file, compare_reason(&c->run[i]));
+        if (isfinite(compare_figure(&c->run[i], "iterations"))) {
+            put_totals(file, &c->run[i]);
+        }
         if (c->run[i].job) {
             fputs(" <span class=\"quiet\">(job ", file);
             html_text(file, job_id(c->run[i].job));
@@ -291,6 +319,22 @@ static void put_energy_keys(FILE *file, const struct comparison *c)
     fputs("</p>\n", file);
 }
 
+/* "Stops at 16, 19, 34 and 5 more.": to be held against others' frames. */
+static void put_stops(FILE *file, const struct trace *trace)
+{
+    size_t stops = 0;
+    for (size_t i = 0; i < trace->rows; i++) {
+        if (trace->row[i].stop > 0 && ++stops <= MOST_STOPS) {
+            fprintf(file, "%s%.0f", stops == 1 ? "<p class=\"quiet\">Stops at iterations " : ", ",
+                    trace->row[i].iteration);
+        }
+    }
+    if (stops > MOST_STOPS) {
+        fprintf(file, " and %zu more", stops - MOST_STOPS);
+    }
+    fputs(stops > 0 ? ".</p>\n" : "", file);
+}
+
 static int put_exchanges(FILE *file, const struct comparison *c, struct failure *failure)
 {
     fputs("<h2>Exchange of energies</h2>\n<p class=\"quiet\">All on one scale of energy; what lies beyond it "
@@ -310,7 +354,9 @@ static int put_exchanges(FILE *file, const struct comparison *c, struct failure 
         }
         fputs("<div><h3>", file);
         html_text(file, c->run[i].spec);
-        fprintf(file, "</h3>\n%s</div>\n", svg);
+        fprintf(file, "</h3>\n%s", svg);
+        put_stops(file, &c->run[i].trace);
+        fputs("</div>\n", file);
         free(svg);
     }
     fputs("</div>\n", file);

@@ -23,6 +23,8 @@ json 'E* is the lowest of them' '.best_energy == ([.methods[].energy] | min) and
 json 'one minimum' '.minima_differ == false and .starts_differ == false' "$work/out"
 json 'each came within a thousandth before it came to rest' \
     '.methods | all(."to_1e-03".iterations > 0 and ."to_1e-03".iterations <= .to_rest.iterations)' "$work/out"
+json 'and tells what it took of factorisations' '.methods | all(."to_1e-03".factorizations > 0
+    and ."to_1e-03".factorizations <= .to_rest.factorizations and .to_rest.factorizations == .factorizations)' "$work/out"
 json 'the members went into the job' '[.methods[].iterations] | unique | length > 1' "$work/out"
 is 'a picture of convergence and one for each method' "$(grep -o '<svg' "$work/report.html" | wc -l)" 4
 check 'the page is whole' grep -q '</html>' "$work/report.html"

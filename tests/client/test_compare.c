@@ -12,11 +12,11 @@ static void test_compare__a_level_counts_from_where_the_run_stays_below(void **s
     assert_close(c.best, 0, 0);
     assert_close(run[0].level[0].iterations, 4, 0);
     assert_close(run[0].level[0].seconds, 2, 1e-15);
-    assert_close(run[0].level[0].factorizations, 8, 0);
+    assert_close(run[0].level[0].factorizations, 10, 0); /* the start has its own */
     assert_close(run[0].level[1].iterations, 6, 0);
     assert_close(run[0].level[2].iterations, 7, 0);
     assert_close(run[0].rest.iterations, 7, 0);
-    assert_close(run[0].rest.factorizations, 14, 0);
+    assert_close(run[0].rest.factorizations, 16, 0);
     free_runs(&c);
 }
 
@@ -69,6 +69,38 @@ static void test_compare__minima_differ_past_the_threshold_only(void **state)
     replace_job(&run[2], made_job("not-at-rest", beyond, "")); /* on its way: no minimum at all */
     compare_reckon(&c);
     assert_false(c.minima_differ);
+    free_runs(&c);
+}
+
+static void test_compare__a_run_at_rest_also_counts_to_its_own_end(void **state)
+{
+    struct compare_run run[] = {MADE_RUN("best", 2, 0), MADE_RUN("other", 2, 1.0005, 1),
+                                MADE_RUN("above", 2, 3)};
+    struct comparison c = {.run = run, .runs = 3};
+    (void)state;
+    compare_reckon(&c);
+    assert_true(isnan(run[1].level[0].iterations));
+    assert_close(run[1].own[0].iterations, 1, 0); /* 0.0005 of its own way of 1 */
+    assert_close(run[1].own[0].factorizations, 4, 0);
+    assert_close(run[1].own[1].iterations, 2, 0);
+    assert_close(run[0].own[2].iterations, run[0].level[2].iterations, 0);
+    assert_true(isnan(run[2].own[0].iterations)); /* there was no way down */
+    replace_job(&run[1], made_job("not-at-rest", 1, ""));
+    compare_reckon(&c);
+    assert_true(isnan(run[1].own[0].iterations)); /* where it goes is not known */
+    free_runs(&c);
+}
+
+static void test_compare__traces_without_factorisations_have_no_price_in_them(void **state)
+{
+    struct compare_run run[] = {MADE_RUN("a", 1, 0)};
+    struct comparison c = {.run = run, .runs = 1};
+    (void)state;
+    run[0].trace.row[0].factorizations = run[0].trace.row[1].factorizations = NAN;
+    compare_reckon(&c);
+    assert_close(run[0].level[2].iterations, 1, 0);
+    assert_true(isnan(run[0].level[2].factorizations));
+    assert_close(run[0].rest.factorizations, 9, 0); /* the report's */
     free_runs(&c);
 }
 
@@ -164,6 +196,8 @@ int main(void)
         cmocka_unit_test(test_compare__the_lowest_energy_is_the_measure_of_all),
         cmocka_unit_test(test_compare__a_certified_energy_comes_before_a_lower_one),
         cmocka_unit_test(test_compare__minima_differ_past_the_threshold_only),
+        cmocka_unit_test(test_compare__a_run_at_rest_also_counts_to_its_own_end),
+        cmocka_unit_test(test_compare__traces_without_factorisations_have_no_price_in_them),
         cmocka_unit_test(test_compare__what_fell_off_or_broke_is_no_measure),
         cmocka_unit_test(test_compare__above_the_start_equal_or_empty_has_no_distance),
         cmocka_unit_test(test_compare__a_row_that_is_not_finite_is_not_near),

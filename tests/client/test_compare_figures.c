@@ -49,6 +49,9 @@ static void test_compare_figures__json_has_null_for_what_was_never_reached(void 
     assert_string_equal(json_string_value(json_object_get(figures, "best_method")), "b");
     const json_t *never = json_object_get(json_array_get(methods, 0), "to_1e-06");
     assert_true(json_is_null(json_object_get(never, "iterations")));
+    const json_t *own = json_object_get(json_array_get(methods, 0), "own_1e-06");
+    assert_close(json_number_value(json_object_get(own, "iterations")), 2, 0);
+    assert_close(json_number_value(json_object_get(own, "factorizations")), 6, 0);
     const json_t *reached = json_object_get(json_array_get(methods, 1), "to_1e-06");
     assert_close(json_number_value(json_object_get(reached, "iterations")), 1, 0);
     const json_t *refused = json_array_get(methods, 2);
@@ -70,6 +73,7 @@ static void test_compare_figures__sentences_tell_what_to_beware_of(void **state)
                                  "uncertified",
                                  "The minima differ: a rests at 0.25 J",
                                  "more than 1e-04",
+                                 "to its own         2       6    1.000", /* of a */
                                  "not today",
                                  "are not known (marked *)",
                                  "1*"};

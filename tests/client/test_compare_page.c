@@ -105,6 +105,21 @@ static void test_compare_page__odd_runs_give_a_page_too(void **state)
     free_runs(&all);
 }
 
+static void test_compare_page__stops_and_other_minima_are_told(void **state)
+{
+    struct compare_run run[] = {MADE_RUN("a", 1, 0.5, 0.25), MADE_RUN("b", 1, 0)};
+    struct comparison c = {.run = run, .runs = 2};
+    (void)state;
+    run[0].trace.row[1].stop = run[0].trace.row[2].stop = 1;
+    char *page = page_of(&c, "{}");
+    assert_int_equal(count(page, "Stops at iterations 1, 2.<"), 1);
+    assert_int_equal(count(page, "Stops at"), 1);
+    assert_int_equal(count(page, ">to its own<"), 1);
+    assert_int_equal(count(page, "<tr"), 2 + 2 + 1); /* head, methods, a's own minimum */
+    free(page);
+    free_runs(&c);
+}
+
 static void test_compare_page__html_text_keeps_utf8_and_drops_controls(void **state)
 {
     char *text = NULL;
@@ -136,6 +151,7 @@ int main(void)
         cmocka_unit_test(test_compare_page__ids_are_unique),
         cmocka_unit_test(test_compare_page__escapes_what_others_wrote),
         cmocka_unit_test(test_compare_page__odd_runs_give_a_page_too),
+        cmocka_unit_test(test_compare_page__stops_and_other_minima_are_told),
         cmocka_unit_test(test_compare_page__html_text_keeps_utf8_and_drops_controls),
         cmocka_unit_test(test_compare_page__colours_are_css),
     };
