@@ -26,7 +26,7 @@ FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
 ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c \
-           $(wildcard tests/stability/*.c tests/bench/*.c)
+           $(wildcard tests/stability/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -86,7 +86,6 @@ INC_tests/physics  = -iquote tests -iquote solver
 INC_tests/server   = -iquote tests $(INC_server)
 INC_tests/client   = -iquote tests $(INC_client)
 INC_tests/stability = $(INC_tests/physics)
-INC_tests/bench     = -iquote solver
 INC_tests/fuzz     = -iquote tests $(INC_server)
 INC_tests/api      =
 folder = $(patsubst %/,%,$(dir $(1)))
@@ -146,9 +145,6 @@ $(TBIN)/client/%: $(OBJ)/tests/client/%.o $(OBJ)/client.a
 $(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 	$(LINK) -fsanitize=fuzzer $(SERVER_LIBS)
 
-$(TBIN)/bench/%: $(OBJ)/tests/bench/%.o $(OBJ)/libdrape.a
-	$(LINK) $(SOLVER_LIBS)
-
 # What the API tests measure a drape with: shares no code with the solver.
 $(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
 	$(LINK) -lm
@@ -191,10 +187,17 @@ asan ubsan tsan: ## build that flavour and run its unit tests and the API smoke 
 	+@MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/run.sh $@
 
 .PHONY: bench-methods
-bench-methods: ## count the factorisations of every method on 22 scenes (minutes); lands in build/bench-methods.md
+bench-methods: ## compare methods on 22 scenes, the paper's square and wrinkles (an hour): build/bench-*.md, README.md
 	@tests/packages.sh build
-	+@$(MAKE) --no-print-directory $(JOBS) $(TBIN)/bench/methods
-	@$(TBIN)/bench/methods | tee build/bench-methods.md
+	@$(MAKE) --no-print-directory $(JOBS) all
+	@tests/bench/methods.sh
+	@case wrinkles in $(if $(SCENES),$(SCENES),*)) tests/bench/wrinkles.sh;; esac
+
+.PHONY: bench-wrinkles
+bench-wrinkles: ## compare every method on the paper's wrinkle test, 19 250 triangles (half an hour)
+	@tests/packages.sh build
+	@$(MAKE) --no-print-directory $(JOBS) all
+	@tests/bench/wrinkles.sh
 
 .PHONY: cover
 cover: ## run the unit and physics tests with gcov; line coverage per file

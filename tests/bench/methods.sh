@@ -1,0 +1,105 @@
+#!/bin/bash
+# `make bench-methods`: the 22 scenes of tests/bench/scene.jq and the square of [VMT07] under several methods,
+# through the API. Leaves a page, rows and figures of each scene in build/bench-methods/, the table in
+# build/bench-methods.md, and the sums in README.md. SCENES='square*' runs those alone and leaves README.md.
+. "$(dirname "$0")/lib.sh"
+out=build/bench-methods
+table=build/bench-methods.md
+scenes=${SCENES:-*}
+most=300 # iterations of a run, and what a level that is never reached counts in the sums
+members='{"tolerance": 1e-6, "max_iterations": '$most', "time_limit_s": 1200, "time_step": 0.02}'
+ways=(auto stop-and-go:stop_on=kinetic stop-and-go:stop_on=potential dynamic newton:line_search=true)
+head='| auto | stop-and-go, kinetic | stop-and-go, potential | dynamic | newton, line search |'
+
+mkdir -p "$out"
+start_daemon
+
+# ---- 22 scenes -------------------------------------------------------------------------------------
+
+# run_scene SHAPE N_PER_M N_M: a skirt starts from its drape at a bending of 1e-3 N m.
+run_scene() {
+    local name=$1-$2-$3
+    # shellcheck disable=SC2053 # a pattern is meant
+    [[ $name == $scenes ]] || return 0
+    jq -cn -f tests/bench/scene.jq --arg name "$name" --arg shape "$1" --argjson stretch "$2" --argjson bend "$3" \
+        >"$work/job"
+    if [[ $1 == skirt ]]; then
+        settle "$work/job" "$work/positions" 1e-3
+        jq -c --slurpfile x "$work/positions" '.cloth.mesh.positions = $x[0]' "$work/job" >"$work/draped"
+        mv "$work/draped" "$work/job"
+    fi
+    compare "$name" "$work/job" "$members" "${ways[@]}"
+    figures+=("$out/$name.json")
+}
+
+# What a run took, a/b/c, and where it rests if that is not the lowest minimum of its row.
+costs='
+def costs: .outcome as $outcome
+    | [.["to_1e-03", "to_1e-06", "to_1e-09"], .["own_1e-03", "own_1e-06", "own_1e-09"]]
+    | if $outcome == "at-rest" then .[3:] else .[:3] end | map(.factorizations);
+def tenths: (log10 | floor) as $e | "\(. / pow(10; $e) | round)e\($e)";
+def dash: map(. // "-") | join("/");'
+
+print_scenes() {
+    echo "| scene, N/m, N m $head"
+    echo '| --- | --- | --- | --- | --- | --- |'
+    jq -r "$costs"' (input_filename | split("/")[-1] | rtrimstr(".json")) as $name
+        | [.methods[] | (costs | dash) + if .outcome == "at-rest" and .other_minimum then " +\(.distance | tenths)" else "" end]
+        | "| \($name | sub("-"; " ") | sub("-"; " ")) | \(join(" | ")) |"' "$@"
+}
+
+print_sums() {
+    echo "| $head"
+    echo '| --- | --- | --- | --- | --- | --- |'
+    jq -nr --argjson most "$most" "$costs"' [inputs | [.methods[] | costs | map(. // $most)]] | transpose
+        | map(transpose | map(add)) | transpose as [$a, $b, $c]
+        | ["1e-3", $a], ["1e-6", $b], ["1e-9", $c] | "| to \(.[0]) | \(.[1] | map(tostring) | join(" | ")) |"' "$@"
+}
+
+# ---- the square of the paper -----------------------------------------------------------------------
+
+# Low and high damping are two of the paper's pictures; how high it does not say.
+run_paper_square() {
+    build/drape example square --triangles 5000 >"$work/job"
+    compare paper-square "$work/job" "$members" "${ways[@]}" dynamic:damping.air=1 dynamic:damping.air=10
+    get_trace paper-square stop-and-go:stop_on=potential |
+        jq -r '.columns as $columns | [.rows[] | select(.[$columns | index("stop")] == 1) | .[0]] | .[:8] | join(", ")' \
+            >"$work/stops"
+}
+
+print_paper_square() {
+    echo "The paper's square (0.5 m, 5 000 triangles, 10 N/m, 20 ms) under stop-and-go by the potential rule first stops at"
+    echo "iterations $(<"$work/stops"); in the paper at 16, 19, 34, 38, 45, 61, 68, 75."
+}
+
+# ---- all of it -------------------------------------------------------------------------------------
+
+figures=()
+for bend in 1e-5 1e-7; do
+    for scene in square-10 square-1000 square-10000 skirt-10 skirt-500 arc-10 arc-1000 noise-10 noise-1000 fold-10 fold-1000; do
+        run_scene "${scene%-*}" "${scene#*-}" "$bend"
+    done
+done
+# shellcheck disable=SC2053
+[[ paper-square == $scenes ]] && run_paper_square
+
+{
+    echo '# Methods by scene'
+    echo
+    echo 'a/b/c: factorisations, failed ones included, until (E - E*)/(E0 - E*) stays below 1e-3, 1e-6 and 1e-9, with E*'
+    echo 'the energy at which the run itself rests, or the lowest that any method reached where it does not rest; "-": not'
+    echo "in $most iterations. \"+x\": it rests in another minimum, x of E0 - E* above the lowest. Sums count \"-\" as $most."
+    echo
+    if ((${#figures[@]})); then
+        print_scenes "${figures[@]}"
+        echo
+        print_sums "${figures[@]}" | tee "$work/sums"
+        echo
+    fi
+    [[ ! -s $work/stops ]] || print_paper_square | tee "$work/square"
+} >"$table"
+if [[ $scenes == '*' ]]; then
+    { cat "$work/sums" && echo && cat "$work/square"; } | put_in_readme bench-methods
+fi
+cat "$table"
+say "see $table and the pages in $out"
