@@ -14,7 +14,7 @@ struct trace_row { /* NAN where the server gave null, or nothing */
     double residual_force;                                      /* of the mean vertex weight */
     double stop;                                                /* 1: all velocities were cut here */
     double time_step;                                           /* s */
-    double factorizations; /* of the step that led here; not every server tells */
+    double factorizations; /* attempts in this iteration; traces stored before this column have none */
 };
 
 struct trace {

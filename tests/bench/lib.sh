@@ -1,4 +1,5 @@
-# lib.sh - what the benches share: a daemon of their own, jobs of settings, comparisons, blocks of the README.
+# shellcheck shell=bash disable=SC2154 # $out is the script's own
+# lib.sh - what the benches share: a daemon of their own, comparisons, blocks of README.md.
 # Sourced by the scripts beside it, which run from the root of the tree.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -71,10 +72,10 @@ get_trace() {
 
 # put_in_readme TARGET: standard input in place of what stands between the target's two marks.
 put_in_readme() {
-    awk -v target="$1" -v block="$(cat)" '
+    BLOCK=$(cat) awk -v target="$1" '
         $0 == "<!-- /" target " -->" {inside = 0; ends++}
         !inside {print}
-        $0 == "<!-- " target " -->" {print block; inside = 1; starts++}
+        $0 == "<!-- " target " -->" {print ENVIRON["BLOCK"]; inside = 1; starts++}
         END {exit !(starts == 1 && ends == 1)}' README.md >"$work/README.md" ||
         { say "README.md has no pair of marks for $1" && exit 1; }
     cmp -s "$work/README.md" README.md || cat "$work/README.md" >README.md

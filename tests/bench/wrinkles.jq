@@ -15,12 +15,14 @@ def dash: if . == null then "-" else . end;
   def stays_below: . as $rows | until(length == 0 or .[-1].potential == null or .[-1].potential > $goal; .[:-1])
     | if length < ($rows | length) then length else null end;
 
-"Residual energy of stop-and-go by the potential rule after \($mark) iterations: (E - E*)/(E0 - E*) = "
-+ "\(($goal - $best) / ($figures.start_energy - $best) | power), E* of \($figures.best_method). To reach it took",
+"To the residual energy that stop-and-go by the potential rule has after \($mark) iterations,",
+"`(E - E*)/(E0 - E*)` = \(($goal - $best) / ($figures.start_energy - $best) | power) with `E*` of "
++ "`\($figures.best_method)`:",
 "",
-"| method | iterations until it is reached | until it is kept | factorisations | seconds | the run |",
+"| method | iterations until there | until there to stay | factorisations | seconds | the run |",
 "| --- | --- | --- | --- | --- | --- |",
-(.[] | (.rows | stays_below) as $row | (if $row == null then {} else
-        {seconds: (.rows[$row].seconds * 10 | round / 10), count: (.rows[:$row + 1] | map(.factorizations) | add)} end) as $cost
-    | "| `\(.method)` | \(.rows | first_below | dash) | \($row | dash) | \($cost.count | dash) | \($cost.seconds | dash) "
-      + "| \(.outcome) after \(.iterations) |")
+(.[] | (.rows | stays_below) as $row
+    | (if $row == null then {} else {seconds: (.rows[$row].seconds * 10 | round / 10),
+          count: (.rows[:$row + 1] | map(.factorizations) | add)} end) as $cost
+    | "| `\(.method)` | \(.rows | first_below | dash) | \($row | dash) | \($cost.count | dash) "
+      + "| \($cost.seconds | dash) | \(.outcome) after \(.iterations) |")
