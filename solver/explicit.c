@@ -69,4 +69,5 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     return DRAPE_OK;
 }
 
-const struct dr_method dr_rk4 = {DR_MATRIX_NONE, true, 4, assess, advance};
+const struct dr_method dr_rk4 = {
+    .matrix = DR_MATRIX_NONE, .moves = true, .extra = 4, .assess = assess, .advance = advance};

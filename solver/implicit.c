@@ -36,9 +36,7 @@ static double time_step(const struct dr_state *s)
 static double mass_factor(const struct dr_state *s)
 {
     double dt = time_step(s), c = 1 / (dt * dt);
-    if (s->method == &dr_bdf2 && !s->fresh)
-        return 9 * c / 4;
-    return s->method == &dr_implicit_midpoint ? 4 * c : c;
+    return s->method->scheme.history && s->fresh ? c : s->method->scheme.mass_factor * c;
 }
 
 /* What damping by b/dt makes the whole equation stiffer by. */
@@ -53,12 +51,12 @@ static void predict_free_move(struct dr_state *s)
     size_t count = 3 * s->cloth->mesh->nodes;
     double dt = time_step(s), *y = s->extra[FREE_MOVE];
     const double *d = s->extra[LAST_MOVE], *v1 = s->extra[LAST_VELOCITY];
-    if (s->method == &dr_bdf2 && !s->fresh)
+    if (s->method->scheme.history && !s->fresh)
         for (size_t i = 0; i < count; i++)
             y[i] = d[i] / 3 + dt * (8 * s->v[i] - 2 * v1[i]) / 9;
     else
         for (size_t i = 0; i < count; i++)
-            y[i] = s->v[i] * (s->method == &dr_implicit_midpoint ? dt / 2 : dt);
+            y[i] = s->v[i] * (s->method->scheme.midpoint ? dt / 2 : dt);
 }
 
 /* Where stiffness outweighs mass past the digits of a double, round-off makes the matrix indefinite; more
@@ -142,42 +140,71 @@ static void search(struct dr_state *s, drape_energies *ret_energy)
         s->w[i] *= scale;
 }
 
-static drape_status advance(struct dr_state *s, drape_error *reterr)
+/* The half step w made whole, and the energies at its end. */
+static void double_step(struct dr_state *s, drape_energies *ret_energy)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
-    double began = dr_clock(), dt = time_step(s);
-    drape_energies energy;
-    (void)reterr;
+    for (size_t i = 0; i < count; i++)
+        s->w[i] *= 2;
     dr_state_limit(s);
-    search(s, &energy);
-    if (s->method == &dr_implicit_midpoint) {
-        for (size_t i = 0; i < count; i++)
-            s->w[i] *= 2;
-        dr_state_limit(s);
-        for (size_t i = 0; i < count; i++) {
-            s->x_next[i] = s->x[i] + s->w[i];
-            s->v[i] = 2 * s->w[i] / dt - s->v[i];
-        }
-        dr_cloth_energy(s->cloth, s->x_next, &energy, s->f_next);
-    } else if (s->method == &dr_bdf2) {
-        double *d = s->extra[LAST_MOVE], *v1 = s->extra[LAST_VELOCITY];
+    for (size_t i = 0; i < count; i++)
+        s->x_next[i] = s->x[i] + s->w[i];
+    dr_cloth_energy(s->cloth, s->x_next, ret_energy, s->f_next);
+}
+
+/* v+ of the step w; keeps what the next step wants to know of this one. */
+static void set_velocities(struct dr_state *s)
+{
+    size_t count = 3 * s->cloth->mesh->nodes;
+    double dt = time_step(s), *d = s->extra[LAST_MOVE], *v1 = s->extra[LAST_VELOCITY];
+    if (s->method->scheme.history)
         for (size_t i = 0; i < count; i++) {
             double v = s->fresh ? s->w[i] / dt : (3 * s->w[i] - d[i]) / (2 * dt);
             v1[i] = s->v[i];
             d[i] = s->w[i];
             s->v[i] = v;
         }
-    } else if (s->v) {
+    else
         for (size_t i = 0; i < count; i++)
-            s->v[i] = s->w[i] / dt;
-    }
+            s->v[i] = s->method->scheme.midpoint ? 2 * s->w[i] / dt - s->v[i] : s->w[i] / dt;
+}
+
+static drape_status advance(struct dr_state *s, drape_error *reterr)
+{
+    double began = dr_clock();
+    drape_energies energy;
+    (void)reterr;
+    dr_state_limit(s);
+    search(s, &energy);
+    if (s->method->scheme.midpoint)
+        double_step(s, &energy);
+    if (s->method->moves)
+        set_velocities(s);
     dr_state_arrive(s, &energy);
-    s->row.linear_iterations = s->v ? 2 : 1;
+    s->row.linear_iterations = s->method->moves ? 2 : 1;
     s->sim->stage[DR_STAGE_MOVE] += dr_clock() - began;
     return DRAPE_OK;
 }
 
-const struct dr_method dr_backward_euler = {DR_MATRIX_CHOLESKY, true, 2, assess, advance};
-const struct dr_method dr_bdf2 = {DR_MATRIX_CHOLESKY, true, 4, assess, advance};
-const struct dr_method dr_implicit_midpoint = {DR_MATRIX_CHOLESKY, true, 2, assess, advance};
-const struct dr_method dr_quasi_static = {DR_MATRIX_CHOLESKY, false, 0, assess_quasi_static, advance};
+const struct dr_method dr_backward_euler = {.matrix = DR_MATRIX_CHOLESKY,
+                                            .moves = true,
+                                            .extra = 2,
+                                            .scheme = {.mass_factor = 1},
+                                            .assess = assess,
+                                            .advance = advance};
+const struct dr_method dr_bdf2 = {.matrix = DR_MATRIX_CHOLESKY,
+                                  .moves = true,
+                                  .extra = 4,
+                                  .scheme = {.mass_factor = 9.0 / 4, .history = true},
+                                  .assess = assess,
+                                  .advance = advance};
+const struct dr_method dr_implicit_midpoint = {.matrix = DR_MATRIX_CHOLESKY,
+                                               .moves = true,
+                                               .extra = 2,
+                                               .scheme = {.mass_factor = 4, .midpoint = true},
+                                               .assess = assess,
+                                               .advance = advance};
+const struct dr_method dr_quasi_static = {.matrix = DR_MATRIX_CHOLESKY,
+                                          .scheme = {.mass_factor = 1},
+                                          .assess = assess_quasi_static,
+                                          .advance = advance};

@@ -176,4 +176,4 @@ done:
     return status;
 }
 
-const struct dr_method dr_mixed = {DR_MATRIX_CHOLESKY, false, 0, assess, advance};
+const struct dr_method dr_mixed = {.matrix = DR_MATRIX_CHOLESKY, .assess = assess, .advance = advance};

@@ -68,4 +68,4 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     return DRAPE_OK;
 }
 
-const struct dr_method dr_newton = {DR_MATRIX_LDL, false, 0, assess, advance};
+const struct dr_method dr_newton = {.matrix = DR_MATRIX_LDL, .assess = assess, .advance = advance};

@@ -12,10 +12,18 @@
 
 struct dr_state;
 
+/* What tells the implicit time steps apart (implicit.c has their equations); the others leave it zero. */
+struct dr_scheme {
+    double mass_factor; /* c dt^2, once there is a history where one is wanted */
+    bool history;  /* steps from the last move and the velocity before; the first one as backward Euler */
+    bool midpoint; /* solves for half a step and doubles it */
+};
+
 struct dr_method {
     enum dr_cloth_matrix matrix;
     bool moves;     /* it has velocities: kinetic energy, stops */
     unsigned extra; /* arrays of 3*nodes it wants in state.extra, at most DR_MAX_EXTRA */
+    struct dr_scheme scheme;
     drape_status (*assess)(struct dr_state *s, drape_error *reterr);
     drape_status (*advance)(struct dr_state *s, drape_error *reterr);
 };
