@@ -204,7 +204,8 @@ static json_t *stop_on_json(const drape_report *report)
 
 static json_t *integrator_json(const drape_report *report)
 {
-    if (report->method != DRAPE_METHOD_STOP_AND_GO && report->method != DRAPE_METHOD_DYNAMIC)
+    if (report->method != DRAPE_METHOD_STOP_AND_GO && report->method != DRAPE_METHOD_DYNAMIC &&
+        report->method != DRAPE_METHOD_VELOCITY_CORRECTION)
         return json_null();
     return json_string(drape_integrator_name(report->integrator));
 }

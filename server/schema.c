@@ -593,6 +593,7 @@ static int read_bodies(struct reader *r, const json_t *root)
 static const struct choice METHOD[] = {{"auto", DRAPE_METHOD_AUTO, true},
                                        {"stop-and-go", DRAPE_METHOD_STOP_AND_GO, true},
                                        {"dynamic", DRAPE_METHOD_DYNAMIC, true},
+                                       {"velocity-correction", DRAPE_METHOD_VELOCITY_CORRECTION, true},
                                        {"quasi-static", DRAPE_METHOD_QUASI_STATIC, true},
                                        {"newton", DRAPE_METHOD_NEWTON, true}};
 static const struct choice STOP_ON[] = {{"potential", DRAPE_STOP_ON_POTENTIAL, true},

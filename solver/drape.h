@@ -173,16 +173,19 @@ drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL
 /* ---- options -------------------------------------------------------------------------------- */
 
 typedef enum drape_method {
-    DRAPE_METHOD_AUTO = 0,     /* without bodies the mixed-stress Newton of solver/mixed.c, with them
-                                * stop-and-go (kinetic rule, backward Euler) */
-    DRAPE_METHOD_STOP_AND_GO,  /* [VMT07]: undamped dynamics, all velocities cut at each stop */
-    DRAPE_METHOD_DYNAMIC,      /* plain dynamics, never stopped */
+    DRAPE_METHOD_AUTO = 0,            /* without bodies the mixed-stress Newton of solver/mixed.c, with them
+                                       * stop-and-go (kinetic rule, backward Euler) */
+    DRAPE_METHOD_STOP_AND_GO,         /* [VMT07]: undamped dynamics, all velocities cut at each stop */
+    DRAPE_METHOD_DYNAMIC,             /* plain dynamics, never stopped */
+    DRAPE_METHOD_VELOCITY_CORRECTION, /* [VMT07]'s other baseline: dynamics in which each node drops what of
+                                       * its velocity runs against its force: v -= (v.f) f/|f|^2 where
+                                       * v.f < 0, at each state, whose kinetic energy is then what is left */
     DRAPE_METHOD_QUASI_STATIC, /* [VMT07] eq. 2: backward Euler that forgets its velocities at each step */
     DRAPE_METHOD_NEWTON        /* [VMT07] eq. 3: Newton on the statics */
 } drape_method;
 
-/* How stop-and-go and dynamic step in time. RK4 is explicit: no Jacobian, no factorisation, and time
- * steps that must resolve the fastest wave in the mesh. */
+/* How stop-and-go, dynamic and velocity-correction step in time. RK4 is explicit: no Jacobian, no
+ * factorisation, and time steps that must resolve the fastest wave in the mesh. */
 typedef enum drape_integrator {
     DRAPE_BACKWARD_EULER = 0,
     DRAPE_BDF2,
@@ -242,7 +245,7 @@ typedef int drape_progress_fn(const drape_progress *progress, void *data);
 typedef struct drape_options {   /* start from drape_options_default() */
     drape_method method;         /* DRAPE_METHOD_AUTO */
     drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
-    drape_integrator integrator; /* DRAPE_BACKWARD_EULER; read by stop-and-go and dynamic */
+    drape_integrator integrator; /* DRAPE_BACKWARD_EULER; read by methods that step in time */
     double time_step;            /* s, DRAPE_MIN_TIME_STEP to DRAPE_MAX_TIME_STEP; 0.02 */
     double air_damping;          /* 1/s, >= 0: force -air_damping M v; 0. Backward Euler only */
     double material_damping;     /* s, >= 0: force -material_damping H v; 0. Backward Euler only */

@@ -60,6 +60,8 @@ const char *drape_method_name(drape_method method)
         return "stop-and-go";
     case DRAPE_METHOD_DYNAMIC:
         return "dynamic";
+    case DRAPE_METHOD_VELOCITY_CORRECTION:
+        return "velocity-correction";
     case DRAPE_METHOD_QUASI_STATIC:
         return "quasi-static";
     case DRAPE_METHOD_NEWTON:

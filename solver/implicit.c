@@ -195,7 +195,7 @@ const struct dr_method dr_backward_euler = {.matrix = DR_MATRIX_CHOLESKY,
 const struct dr_method dr_bdf2 = {.matrix = DR_MATRIX_CHOLESKY,
                                   .moves = true,
                                   .extra = 4,
-                                  .scheme = {.mass_factor = 9.0 / 4, .history = true},
+                                  .scheme = {.mass_factor = 9.0 / 4, .history = 2},
                                   .assess = assess,
                                   .advance = advance};
 const struct dr_method dr_implicit_midpoint = {.matrix = DR_MATRIX_CHOLESKY,

@@ -29,6 +29,7 @@ const struct dr_method *dr_method_of(const struct drape_sim *sim)
         return &dr_newton;
     case DRAPE_METHOD_STOP_AND_GO:
     case DRAPE_METHOD_DYNAMIC:
+    case DRAPE_METHOD_VELOCITY_CORRECTION:
         break;
     }
     return stepper[sim->options.integrator];
@@ -161,14 +162,15 @@ static double largest_inertia(const struct dr_state *s)
     return largest / s->sim->options.time_step;
 }
 
-/* Rest is a matter of forces. Plain dynamics must also have lost its momentum: passing an equilibrium at
- * speed is not rest, so M v/dt has to be as small. */
+/* Rest is a matter of forces. Where nothing ever stops the whole cloth it must also have lost its momentum:
+ * passing an equilibrium at speed is not rest, so M v/dt has to be as small. */
 static bool at_rest(const struct dr_state *s)
 {
     double tolerance = s->sim->options.tolerance;
     if (!(s->row.residual_force <= tolerance))
         return false;
-    return s->sim->report.method != DRAPE_METHOD_DYNAMIC || largest_inertia(s) <= tolerance * s->weight;
+    bool stops = !s->v || s->sim->report.method == DRAPE_METHOD_STOP_AND_GO;
+    return stops || largest_inertia(s) <= tolerance * s->weight;
 }
 
 /* The potential energy is higher than where the run began. */
@@ -322,6 +324,8 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
         }
         stop_or_go(s);
         s->row.factorizations = 0;
+        if (s->sim->report.method == DRAPE_METHOD_VELOCITY_CORRECTION)
+            dr_state_correct(s);
         drape_status status = s->method->assess(s, reterr);
         if (status < 0)
             return status;

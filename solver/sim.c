@@ -25,7 +25,8 @@ drape_options drape_options_default(void)
 
 static bool steps_in_time(const drape_options *options)
 {
-    return options->method == DRAPE_METHOD_STOP_AND_GO || options->method == DRAPE_METHOD_DYNAMIC;
+    return options->method == DRAPE_METHOD_STOP_AND_GO || options->method == DRAPE_METHOD_DYNAMIC ||
+           options->method == DRAPE_METHOD_VELOCITY_CORRECTION;
 }
 
 drape_status drape_options_check(const drape_options *options, drape_error *reterr)
@@ -45,7 +46,7 @@ drape_status drape_options_check(const drape_options *options, drape_error *rete
     else if (damped && (options->integrator != DRAPE_BACKWARD_EULER || !steps_in_time(options)))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1,
                           options->air_damping != 0 ? "air_damping" : "material_damping",
-                          "damping needs backward Euler, by dynamic or stop-and-go");
+                          "damping needs backward Euler, by a method that steps in time");
     else if (!(options->time_step >= DRAPE_MIN_TIME_STEP && options->time_step <= DRAPE_MAX_TIME_STEP))
         member = "time_step";
     else if (!(options->tolerance > 0 && isfinite(options->tolerance)))

@@ -15,8 +15,9 @@ struct dr_state;
 /* What tells the implicit time steps apart (implicit.c has their equations); the others leave it zero. */
 struct dr_scheme {
     double mass_factor; /* c dt^2, once there is a history where one is wanted */
-    bool history;  /* steps from the last move and the velocity before; the first one as backward Euler */
-    bool midpoint; /* solves for half a step and doubles it */
+    unsigned history;   /* the last so many of the extra arrays are the motion's past; the first step goes
+                         * as backward Euler */
+    bool midpoint;      /* solves for half a step and doubles it */
 };
 
 struct dr_method {
@@ -86,5 +87,9 @@ void dr_state_limit(struct dr_state *s);
 void dr_state_arrive(struct dr_state *s, const drape_energies *energy);
 
 double dr_state_kinetic(const struct dr_state *s);
+
+/* Drops from every free node's velocity what runs against its force (correct.c); row.energy.kinetic is then
+ * that of what is left. */
+void dr_state_correct(struct dr_state *s);
 
 #endif

@@ -129,6 +129,110 @@ static void test_methods__the_papers_baselines_end_as_it_says(void **state)
     setup_free(setup);
 }
 
+/* A square in free fall far above a body: weight and velocity point the same way. */
+static struct setup *falling(drape_body *body)
+{
+    struct setup *setup = square(1000, 1e-5, 0);
+    *body = (drape_body){.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .point = {0, -100, 0}, .radius = 1};
+    setup->desc.pins = 0;
+    setup->desc.body = body;
+    setup->desc.bodies = 1;
+    return setup;
+}
+
+static void test_methods__velocity_correction_is_dynamics_where_nothing_runs_against_the_force(void **state)
+{
+    (void)state;
+    for (int integrator = DRAPE_BACKWARD_EULER; integrator <= DRAPE_RK4; integrator++) {
+        drape_body body;
+        struct setup *setup = falling(&body);
+        drape_options options = options_of(DRAPE_METHOD_DYNAMIC);
+        options.integrator = (drape_integrator)integrator;
+        options.time_step = integrator == DRAPE_RK4 ? 1e-4 : 0.01;
+        options.max_iterations = 20;
+        struct run plain = run_new(&setup->desc, &options);
+        options.method = DRAPE_METHOD_VELOCITY_CORRECTION;
+        struct run corrected = run_new(&setup->desc, &options);
+        assert_int_equal(corrected.report->method, DRAPE_METHOD_VELOCITY_CORRECTION);
+        assert_int_equal(corrected.report->integrator, integrator);
+        assert_true(plain.row[20].energy.kinetic > 0);
+        assert_memory_equal(corrected.x, plain.x, 3 * setup->desc.vertices * sizeof *plain.x);
+        for (size_t i = 0; i <= 20; i++)
+            assert_memory_equal(&corrected.row[i].energy, &plain.row[i].energy, sizeof plain.row[i].energy);
+        run_done(&plain);
+        run_done(&corrected);
+        setup_free(setup);
+    }
+}
+
+/* J: the most that the total energy rises over one iteration. */
+static double largest_rise(const struct run *run)
+{
+    double largest = 0;
+    for (size_t i = 1; i < run->rows; i++)
+        largest = fmax(largest, total_energy(run->row + i) - total_energy(run->row + i - 1));
+    return largest;
+}
+
+static void test_methods__velocity_correction_never_raises_the_total_energy(void **state)
+{
+    (void)state;
+    struct setup *setup = square(10, 1e-5, 0);
+    drape_options options = options_of(DRAPE_METHOD_VELOCITY_CORRECTION);
+    options.time_step = 0.005; /* resolves the swing: far longer, backward Euler itself may gain a little */
+    options.max_iterations = 250;
+    struct run run = run_new(&setup->desc, &options);
+    double fastest = 0;
+    for (size_t i = 1; i < run.rows; i++) {
+        assert_false(run.row[i].stop);
+        fastest = fmax(fastest, run.row[i].energy.kinetic);
+    }
+    assert_true(fastest > 1e-3); /* J */
+    assert_true(largest_rise(&run) < 1e-15);
+    assert_int_equal(run.report->stops, 0);
+    run_done(&run);
+
+    /* BDF-2 is of second order and no such bound holds; but with the dropped motion left in its history it
+     * would rise by 1e-2 J in one step. */
+    options.integrator = DRAPE_BDF2;
+    run = run_new(&setup->desc, &options);
+    print_message("bdf2: rises by %.3g J at most\n", largest_rise(&run));
+    assert_true(largest_rise(&run) < 1e-5);
+    run_done(&run);
+    setup_free(setup);
+}
+
+static void test_methods__velocity_correction_rests_later_than_stop_and_go(void **state)
+{
+    (void)state;
+    struct setup *setup = square(10, 1e-5, 0);
+    drape_options options = options_of(DRAPE_METHOD_STOP_AND_GO);
+    options.tolerance = 1e-3;
+    struct run stop = run_new(&setup->desc, &options);
+    options.method = DRAPE_METHOD_VELOCITY_CORRECTION;
+    struct run correct = run_new(&setup->desc, &options);
+    options.integrator = DRAPE_BDF2;
+    struct run bdf2 = run_new(&setup->desc, &options);
+    options.integrator = DRAPE_BACKWARD_EULER;
+    options.method = DRAPE_METHOD_DYNAMIC;
+    struct run plain = run_new(&setup->desc, &options);
+    print_message("stop-and-go %u iterations, velocity-correction %u, by bdf2 %u\n", stop.report->iterations,
+                  correct.report->iterations, bdf2.report->iterations);
+    assert_int_equal(stop.report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_int_equal(correct.report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_int_equal(plain.report->verdict, DRAPE_VERDICT_NOT_AT_REST);
+    assert_true(stop.report->iterations < correct.report->iterations);
+    assert_close(correct.report->state.energy.potential, stop.report->state.energy.potential, 1e-6);
+    assert_true(correct.report->state.energy.kinetic < 1e-9); /* at rest: the momentum is gone as well */
+    assert_int_equal(bdf2.report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_close(bdf2.report->state.energy.potential, stop.report->state.energy.potential, 1e-6);
+    run_done(&plain);
+    run_done(&bdf2);
+    run_done(&correct);
+    run_done(&stop);
+    setup_free(setup);
+}
+
 static void test_methods__explicit_steps_too_long_end_honestly(void **state)
 {
     (void)state;
@@ -160,6 +264,9 @@ int main(void)
         cmocka_unit_test(test_methods__auto_never_returns_worse_than_it_saw),
         cmocka_unit_test(test_methods__auto_hands_over_to_stop_and_go_when_nothing_improves),
         cmocka_unit_test(test_methods__the_papers_baselines_end_as_it_says),
+        cmocka_unit_test(test_methods__velocity_correction_is_dynamics_where_nothing_runs_against_the_force),
+        cmocka_unit_test(test_methods__velocity_correction_never_raises_the_total_energy),
+        cmocka_unit_test(test_methods__velocity_correction_rests_later_than_stop_and_go),
         cmocka_unit_test(test_methods__explicit_steps_too_long_end_honestly),
     };
     return cmocka_run_group_tests_name("methods", tests, NULL, NULL);

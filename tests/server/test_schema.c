@@ -155,6 +155,14 @@ static void test_schema__solver_options_are_read(void **state)
     assert_close(spec->options.time_limit, 7.5, 0);
     assert_true(spec->options.certify);
     job_spec_free(spec);
+
+    spec = parse_with("/solver", "{\"method\": \"velocity-correction\", \"damping\": {\"air\": 1}}");
+    assert_int_equal(spec->options.method, DRAPE_METHOD_VELOCITY_CORRECTION);
+    assert_close(spec->options.air_damping, 1, 0);
+    job_spec_free(spec);
+    spec = parse_with("/solver", "{\"method\": \"velocity-correction\", \"integrator\": \"bdf2\"}");
+    assert_int_equal(spec->options.integrator, DRAPE_BDF2);
+    job_spec_free(spec);
 }
 
 static void test_schema__bodies_of_every_kind_are_read(void **state)
@@ -464,6 +472,9 @@ static void test_schema__what_the_solver_refuses_is_refused_at_its_place(void **
         {"/cloth/mesh/pattern", "[0,0, 1,0, 0,1, 0.5,0.5]", "/cloth/mesh/triangles/3"},
         {"/cloth/seams", "[3,3, 1,2]", "/cloth/seams/2"},
         {"/solver", "{\"damping\": {\"air\": 1}, \"integrator\": \"bdf2\", \"method\": \"dynamic\"}",
+         "/solver/damping/air"},
+        {"/solver",
+         "{\"damping\": {\"air\": 1}, \"integrator\": \"rk4\", \"method\": \"velocity-correction\"}",
          "/solver/damping/air"},
         {"/solver", "{\"damping\": {\"material\": 1}}", "/solver/damping/material"},
     };
