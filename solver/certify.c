@@ -26,6 +26,7 @@
 #define NOISE        1e-12 /* of the energies' size: differences below this say nothing */
 #define FIRST_PUSH   0.01  /* of an edge */
 #define MOST_TRIALS  30    /* along one direction */
+#define OUT_OF_TIME  "the time limit ran out"
 
 struct polish {
     struct dr_state *s;
@@ -198,13 +199,13 @@ static drape_status factorise(struct polish *p, double shift, bool *ret_definite
 static drape_status is_above(struct dr_state *s, double bound, bool *ret, drape_error *reterr)
 {
     struct dr_matrix *A = s->cloth->A;
-    bool out_of_memory;
+    enum dr_factored factored;
     dr_matrix_set_base(A, -bound);
     dr_cloth_assemble(s->cloth, s->x, 1);
     dr_matrix_lower_by_round_off(A);
-    *ret = dr_matrix_factorise(A, &out_of_memory);
-    s->sim->report.factorizations++;
-    return out_of_memory ? dr_out_of_memory(reterr) : DRAPE_OK;
+    drape_status status = dr_sim_factorise(s->sim, A, &factored, reterr);
+    *ret = factored == DR_FACTORED;
+    return status;
 }
 
 /* The factor of H succeeded and Newton has converged: is H positive definite beyond round-off? */
@@ -232,6 +233,11 @@ static drape_status step(struct polish *p, drape_error *reterr)
     drape_status status = factorise(p, p->shift, &definite, reterr);
     if (status < 0)
         return status;
+    if (s->gave_up) {
+        certificate->reason = OUT_OF_TIME;
+        s->gave_up = NULL; /* the rest that was found is not touched by that */
+        return DRAPE_OK;
+    }
     if (!definite) {
         p->shift = p->shift > 0 ? 4 * p->shift : FIRST_SHIFT;
         if (p->shift > MOST_SHIFT)
@@ -270,7 +276,7 @@ static drape_status polish(struct polish *p, drape_error *reterr)
     for (int n = 0; status >= 0 && !certificate->reason && !p->escaped; n++) {
         dr_sim_tell(s->sim, &(drape_progress){DRAPE_PHASE_CERTIFYING, s->row, s->sim->report.stops, 0});
         if (dr_sim_interrupted(s->sim))
-            certificate->reason = atomic_load(&s->sim->cancelled) ? "cancelled" : "the time limit ran out";
+            certificate->reason = atomic_load(&s->sim->cancelled) ? "cancelled" : OUT_OF_TIME;
         else if (n == MOST_STEPS)
             certificate->reason = "Newton's method did not come down to round-off";
         else if (certificate->escapes == MOST_ESCAPES)
@@ -336,6 +342,7 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
     }
     take_back(s, own);
     account(sim, began, stage, factors, solves);
+    s->row.factorizations = row.factorizations;
     if (status >= 0 && !p.escaped && s->row.residual_force > sim->options.tolerance) {
         memcpy(s->x, rest, bytes); /* lower, but on its way */
         s->row = row;

@@ -221,7 +221,8 @@ typedef struct drape_row {
                                  * estimate, half the Newton decrement 1/2 f'A^-1 f with the step matrix A. A
                                  * holds M/dt^2, so the estimate is low while slow modes are left: 5 to 100
                                  * times on the paper's square until it hangs still. NAN where there is none:
-                                 * rk4, and newton where its Jacobian is indefinite */
+                                 * rk4, newton where its Jacobian is indefinite, and where the time limit left
+                                 * no time for the factorisation */
     double residual_force;      /* max over free nodes of |f_i| / (mean node mass * |g|) */
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
@@ -253,10 +254,17 @@ typedef struct drape_options {   /* start from drape_options_default() */
     bool certify;                /* carry rest on to round-off and prove it a minimum; false */
     double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
-    double time_limit;           /* s of wall time, > 0; 120 */
+    double time_limit;           /* s of wall time, > 0; 120: see below */
     drape_progress_fn *progress; /* may be NULL */
     void *progress_data;
 } drape_options;
+
+/* The time limit. The clock is looked at between iterations and before each factorisation, the long part of
+ * one in a large scene. One that cannot be expected to end in time is not begun, unless it should take less
+ * than a second; the run then ends there, be it with the start ("the time limit is too short for one
+ * iteration"). What to expect follows from the count of operations and from the last factorisation; before
+ * there is one, from 5e9 operations a second (newton: 1e9). So a run overruns its limit by the rest of one
+ * iteration (2 s at 200 000 triangles) and by what a factorisation takes longer than expected. */
 
 #define DRAPE_MAX_ITERATIONS 100000
 #define DRAPE_MIN_TIME_STEP  1e-6 /* s */

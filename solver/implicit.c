@@ -69,7 +69,7 @@ static drape_status factorise(struct dr_state *s, drape_error *reterr)
         bool definite;
         dr_matrix_set_base(s->cloth->A, c);
         drape_status status = dr_state_factorise(s, 0, &definite, reterr);
-        if (status < 0 || definite)
+        if (status < 0 || definite || s->gave_up)
             return status;
     }
     s->gave_up = "the step matrix could not be factorised";

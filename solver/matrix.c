@@ -47,6 +47,7 @@ struct dr_matrix {
     double *bend_value;
     cholmod_common common;
     enum dr_factor factor;
+    double flops; /* of one factorisation */
     cholmod_sparse *A;
     cholmod_factor *L;
     cholmod_dense *w; /* right-hand sides, then solutions: two columns */
@@ -261,6 +262,7 @@ static bool analyse(struct dr_matrix *A)
     A->L = cholmod_analyze(A->A, common);
     if (!A->L)
         return false;
+    A->flops = common->fl;
     A->w = cholmod_zeros(3 * A->free, 2, CHOLMOD_REAL, common);
     A->e = cholmod_zeros(A->L->maxesize ? A->L->maxesize : 1, 2, CHOLMOD_REAL, common);
     return A->w && A->e;
@@ -356,6 +358,16 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
 size_t dr_matrix_free_nodes(const struct dr_matrix *A)
 {
     return A->free;
+}
+
+enum dr_factor dr_matrix_factor(const struct dr_matrix *A)
+{
+    return A->factor;
+}
+
+double dr_matrix_flops(const struct dr_matrix *A)
+{
+    return A->flops;
 }
 
 /* ---- assembly ----------------------------------------------------------------------------------- */

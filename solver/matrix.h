@@ -14,7 +14,8 @@ struct dr_matrix;
 
 enum dr_factor {
     DR_CHOLESKY, /* supernodal LL'; tells when the matrix is not positive definite */
-    DR_LDL       /* simplicial LDL', no pivoting: for indefinite matrices, several times slower */
+    DR_LDL,      /* simplicial LDL', no pivoting: for indefinite matrices, ten times slower and more */
+    DR_FACTORS
 };
 
 /* Pattern: the mesh's triangles, the bending stiffness (NULL: none) and `links` extra pairs of nodes
@@ -26,6 +27,10 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
+enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
+
+/* Floating-point operations of one factorisation, which the analysis has counted. */
+double dr_matrix_flops(const struct dr_matrix *A);
 
 /* What is the same at every step: mass_factor (1/s^2) times diag(mass), plus the bending stiffness given at
  * creation. */

@@ -48,7 +48,7 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
     s->blended = s->pivot_failed = false;
     if (!s->wait && s->strain < SMOOTH && s->ratio > GOOD_FIT) {
         status = dr_state_factorise(s, s->compression, &s->blended, reterr);
-        if (status < 0)
+        if (status < 0 || s->gave_up)
             return status;
         s->pivot_failed = !s->blended;
         s->compression = s->blended ? fmin(1, s->compression + 0.25) : s->compression / 2;
@@ -60,7 +60,7 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
         return DRAPE_OK;
     for (int attempt = 0; attempt < MOST_ATTEMPTS; attempt++) {
         status = dr_state_factorise(s, 0, &definite, reterr);
-        if (status < 0 || definite)
+        if (status < 0 || definite || s->gave_up)
             return status;
         s->h /= 30; /* round-off made it indefinite: more mass, a shorter step */
         dr_matrix_set_base(s->cloth->A, 1 / (s->h * s->h));

@@ -17,7 +17,7 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
     dr_matrix_set_base(s->cloth->A, 0);
     dr_stretch_stress(s->cloth->stretch, s->x, NULL, s->cloth->stress);
     drape_status status = dr_state_factorise(s, 1, &regular, reterr);
-    if (status < 0)
+    if (status < 0 || s->gave_up)
         return status;
     s->row.residual_energy = NAN;
     if (!regular) {

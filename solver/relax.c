@@ -9,6 +9,7 @@
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
+#define OUT_OF_TIME  "the time limit ran out"
 
 /* ---- what methods share -------------------------------------------------------------------------- */
 
@@ -39,16 +40,20 @@ drape_status dr_state_factorise(struct dr_state *s, double compression, bool *re
                                 drape_error *reterr)
 {
     struct drape_sim *sim = s->sim;
-    bool out_of_memory = false;
+    enum dr_factored factored;
     double began = dr_clock();
     dr_cloth_assemble(s->cloth, s->x, compression);
     double assembled = dr_clock();
-    *ret_definite = dr_matrix_factorise(s->cloth->A, &out_of_memory);
-    sim->report.factorizations++;
-    s->row.factorizations++;
+    drape_status status = dr_sim_factorise(sim, s->cloth->A, &factored, reterr);
+    s->row.factorizations += factored != DR_NO_TIME;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
-    return out_of_memory ? dr_out_of_memory(reterr) : DRAPE_OK;
+    *ret_definite = factored == DR_FACTORED;
+    if (factored == DR_NO_TIME && status >= 0) {
+        s->row.residual_energy = NAN;
+        s->gave_up = s->row.iteration ? OUT_OF_TIME : "the time limit is too short for one iteration";
+    }
+    return status;
 }
 
 drape_status dr_state_solve(struct dr_state *s, size_t count, const double *const b[], double *const w[],
@@ -245,8 +250,8 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
         return s->gave_up;
     if (s->row.iteration == sim->options.max_iterations)
         return "the iterations ran out";
-    if (s->row.iteration && dr_sim_interrupted(sim)) /* the undraped start is never the result */
-        return "the time limit ran out";
+    if (s->row.iteration && dr_sim_interrupted(sim)) /* a first iteration that had time to begin is made */
+        return OUT_OF_TIME;
     return NULL;
 }
 

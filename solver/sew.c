@@ -77,17 +77,17 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
         if (progress.seam_gap <= DR_WELD_GAP || step == most || dr_sim_interrupted(sim))
             return DRAPE_OK;
 
-        bool out_of_memory;
+        enum dr_factored factored;
         dr_cloth_assemble(cloth, x, 0);
         for (size_t s = 0; s < scene->seams; s++)
             dr_matrix_add_link(cloth->A, s, spring);
-        if (!dr_matrix_factorise(cloth->A, &out_of_memory))
-            return out_of_memory
-                       ? dr_out_of_memory(reterr)
-                       : dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
-                                 "the step matrix could not be factorised while sewing, step %u", step);
+        drape_status status = dr_sim_factorise(sim, cloth->A, &factored, reterr);
+        if (status < 0 || factored == DR_NO_TIME)
+            return status;
+        if (factored == DR_NOT_DEFINITE)
+            return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
+                           "the step matrix could not be factorised while sewing, step %u", step);
         dr_matrix_solve(cloth->A, 1, (const double *[]){f}, (double *[]){w});
-        sim->report.factorizations++;
         sim->report.solves++;
         limit_moves(cloth->mesh, w);
         if (cloth->contact)

@@ -11,6 +11,8 @@
 #include "error.h"
 #include "plan.h"
 
+#define SHORT_FACTORISATION 1.0 /* s: one expected to take no longer always begins */
+
 drape_options drape_options_default(void)
 {
     return (drape_options){
@@ -113,6 +115,36 @@ void drape_sim_cancel(drape_sim *sim)
 bool dr_sim_interrupted(const struct drape_sim *sim)
 {
     return atomic_load(&sim->cancelled) || dr_clock() - sim->began > sim->options.time_limit;
+}
+
+/* A factorisation cannot be broken off, but how many operations it takes is known beforehand. How fast
+ * they go the last one tells; the first is taken to be as fast as a busy or modest core: CHOLMOD's LL' does
+ * 10 to 30 Gflop/s on an idle one, its LDL' 1.2 to 2.6. */
+static bool has_time(const struct drape_sim *sim, const struct dr_matrix *A)
+{
+    static const double cautious[DR_FACTORS] = {[DR_CHOLESKY] = 5e9, [DR_LDL] = 1e9};
+    enum dr_factor factor = dr_matrix_factor(A);
+    double rate = sim->factor_rate[factor] > 0 ? sim->factor_rate[factor] : cautious[factor];
+    double left = sim->began + sim->options.time_limit - dr_clock();
+    return dr_matrix_flops(A) / rate <= fmax(left, SHORT_FACTORISATION);
+}
+
+drape_status dr_sim_factorise(struct drape_sim *sim, struct dr_matrix *A, enum dr_factored *ret,
+                              drape_error *reterr)
+{
+    bool out_of_memory = false;
+    *ret = DR_NO_TIME;
+    if (!has_time(sim, A))
+        return DRAPE_OK;
+    double began = dr_clock();
+    bool definite = dr_matrix_factorise(A, &out_of_memory);
+    sim->report.factorizations++;
+    if (out_of_memory)
+        return dr_out_of_memory(reterr);
+    if (definite) /* else it stopped on the way */
+        sim->factor_rate[dr_matrix_factor(A)] = dr_matrix_flops(A) / (dr_clock() - began);
+    *ret = definite ? DR_FACTORED : DR_NOT_DEFINITE;
+    return DRAPE_OK;
 }
 
 void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress)

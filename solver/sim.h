@@ -28,6 +28,8 @@ struct drape_sim {
     drape_row *row;          /* max_iterations + 1 */
     size_t rows;
     size_t peak_bytes;
+    double
+        factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
     drape_report report;
 };
 
@@ -35,6 +37,13 @@ double dr_clock(void); /* s, monotonic */
 
 /* Cancelled, or past the time limit. */
 bool dr_sim_interrupted(const struct drape_sim *sim);
+
+enum dr_factored { DR_FACTORED, DR_NOT_DEFINITE, DR_NO_TIME };
+
+/* Factorises A, unless that cannot be expected to end within the time limit (see drape_options); accounts
+ * for it. The status is negative only when memory ran out. */
+drape_status dr_sim_factorise(struct drape_sim *sim, struct dr_matrix *A, enum dr_factored *ret,
+                              drape_error *reterr);
 
 /* Tells the caller; its nonzero answer cancels. */
 void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress);

@@ -68,7 +68,8 @@ extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, 
     dr_newton, dr_mixed;
 
 /* Assembles with `compression`, factorises, and accounts for the time. *ret_definite tells whether that
- * went well; the status is negative only when memory ran out. */
+ * went well; where there was no time left for it, gave_up says so. The status is negative only when memory
+ * ran out. */
 drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
                                 drape_error *reterr);
 

@@ -257,6 +257,33 @@ static void test_methods__explicit_steps_too_long_end_honestly(void **state)
     setup_free(setup);
 }
 
+static void test_methods__a_large_cloth_and_a_short_limit_end_at_once(void **state)
+{
+    (void)state;
+    static const struct {
+        drape_method method;
+        double time_limit; /* s */
+        const char *reason;
+    } row[] = {
+        /* 6e9 operations: more than a second at the 5e9 a second foreseen, 6 s of plain Newton's */
+        {DRAPE_METHOD_STOP_AND_GO, 0.5, "the time limit is too short for one iteration"},
+        {DRAPE_METHOD_NEWTON, 5, "the time limit is too short for one iteration"},
+        {DRAPE_METHOD_STOP_AND_GO, 600, "the iterations ran out"},
+    };
+    struct setup *setup =
+        setup_new(grid_new(GRID_ALTERNATING, 100, 100, 0.5, 0.5, 1), isotropic(0.1, 10, 1e-5));
+    pin_columns(setup, 1);
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        drape_options options = options_of(row[i].method);
+        options.time_limit = row[i].time_limit;
+        options.max_iterations = 1;
+        struct run run = run_new(&setup->desc, &options);
+        assert_string_equal(run.report->reason, row[i].reason);
+        run_done(&run);
+    }
+    setup_free(setup);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -268,6 +295,7 @@ int main(void)
         cmocka_unit_test(test_methods__velocity_correction_never_raises_the_total_energy),
         cmocka_unit_test(test_methods__velocity_correction_rests_later_than_stop_and_go),
         cmocka_unit_test(test_methods__explicit_steps_too_long_end_honestly),
+        cmocka_unit_test(test_methods__a_large_cloth_and_a_short_limit_end_at_once),
     };
     return cmocka_run_group_tests_name("methods", tests, NULL, NULL);
 }

@@ -1,8 +1,8 @@
 /* test_sim.c - a run's public face: budgets, cancelling, verdicts, results, memory. */
 #include "test.h"
 
-#include "drape.h"
 #include "scarce.h"
+#include "sim.h"
 
 /* ---- scenes ------------------------------------------------------------------------------------- */
 
@@ -277,6 +277,93 @@ static void test_sim__the_time_limit_ends_a_run(void **state)
     drape_scene_free(scene);
 }
 
+/* The example under `method`, as if a factorisation took for ever. */
+static drape_sim *run_without_time(struct example *e, drape_method method, drape_scene **ret_scene)
+{
+    drape_sim *sim = NULL;
+    e->options.method = method;
+    assert_int_equal(drape_scene_new(&e->desc, ret_scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(*ret_scene, &e->options, &sim, NULL), DRAPE_OK);
+    sim->factor_rate[DR_CHOLESKY] = sim->factor_rate[DR_LDL] = 1;
+    assert_int_equal(drape_sim_run(sim, NULL), DRAPE_NOT_AT_REST);
+    return sim;
+}
+
+static void test_sim__a_factorisation_that_cannot_end_in_time_is_not_begun(void **state)
+{
+    (void)state;
+    static const drape_method method[] = {DRAPE_METHOD_AUTO, DRAPE_METHOD_STOP_AND_GO,
+                                          DRAPE_METHOD_QUASI_STATIC, DRAPE_METHOD_NEWTON};
+    for (size_t k = 0; k < sizeof method / sizeof *method; k++) {
+        struct example e;
+        drape_scene *scene;
+        size_t vertices, rows;
+        make(&e);
+        drape_sim *sim = run_without_time(&e, method[k], &scene);
+        const drape_report *report = drape_sim_report(sim);
+        assert_string_equal(report->reason, "the time limit is too short for one iteration");
+        assert_int_equal(report->iterations, 0);
+        assert_int_equal(report->factorizations, 0);
+        assert_true(isnan(report->state.residual_energy));
+        drape_sim_trace(sim, &rows);
+        assert_int_equal(rows, 1);
+        assert_memory_equal(drape_sim_positions(sim, &vertices), e.positions, sizeof e.positions);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+}
+
+static void test_sim__sewing_begins_no_factorisation_that_cannot_end_in_time(void **state)
+{
+    (void)state;
+    struct example e;
+    drape_scene *scene;
+    make(&e);
+    cut(&e);
+    drape_sim *sim = run_without_time(&e, DRAPE_METHOD_STOP_AND_GO, &scene);
+    const drape_report *report = drape_sim_report(sim);
+    assert_string_equal(report->reason, "the time limit is too short for one iteration");
+    assert_int_equal(report->sewing_iterations, 0);
+    assert_int_equal(report->factorizations, 0);
+    assert_true(report->seam_gap > 0.03);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
+static int slow_down_at_five(const drape_progress *progress, void *data)
+{
+    struct drape_sim *const *sim = data;
+    if (progress->row.iteration == 5)
+        (*sim)->factor_rate[DR_CHOLESKY] = 1;
+    return 0;
+}
+
+static void test_sim__a_run_grown_too_slow_ends_with_its_best_state(void **state)
+{
+    (void)state;
+    struct example e;
+    drape_scene *scene;
+    drape_sim *sim = NULL;
+    make(&e);
+    e.options.method = DRAPE_METHOD_STOP_AND_GO;
+    e.options.progress = slow_down_at_five;
+    e.options.progress_data = &sim;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(scene, &e.options, &sim, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_run(sim, NULL), DRAPE_NOT_AT_REST);
+    const drape_report *report = drape_sim_report(sim);
+    assert_string_equal(report->reason, "the time limit ran out");
+    assert_int_equal(report->iterations, 6); /* the sixth move was made, not the matrix after it */
+    assert_int_equal(report->factorizations, 6);
+    size_t rows;
+    const drape_row *row = drape_sim_trace(sim, &rows);
+    assert_int_equal(rows, 7);
+    assert_true(isfinite(row[5].residual_energy) && isnan(row[6].residual_energy));
+    assert_true(report->state.energy.potential < 0);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
 static void test_sim__options_are_refused_past_their_limits(void **state)
 {
     (void)state;
@@ -427,12 +514,9 @@ static const struct {
     long workspaces; /* that CHOLMOD takes and returns of its own at each iteration */
 } way[] = {
     {DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, 4}, /* up to two factorisations */
-    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BACKWARD_EULER, 2},
-    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BDF2, 2},
-    {DRAPE_METHOD_STOP_AND_GO, DRAPE_IMPLICIT_MIDPOINT, 2},
-    {DRAPE_METHOD_STOP_AND_GO, DRAPE_RK4, 0},
-    {DRAPE_METHOD_DYNAMIC, DRAPE_BACKWARD_EULER, 2},
-    {DRAPE_METHOD_VELOCITY_CORRECTION, DRAPE_BDF2, 2},
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BACKWARD_EULER, 2},    {DRAPE_METHOD_STOP_AND_GO, DRAPE_BDF2, 2},
+    {DRAPE_METHOD_STOP_AND_GO, DRAPE_IMPLICIT_MIDPOINT, 2}, {DRAPE_METHOD_STOP_AND_GO, DRAPE_RK4, 0},
+    {DRAPE_METHOD_DYNAMIC, DRAPE_BACKWARD_EULER, 2},        {DRAPE_METHOD_VELOCITY_CORRECTION, DRAPE_BDF2, 2},
     {DRAPE_METHOD_QUASI_STATIC, DRAPE_BACKWARD_EULER, 2},
 };
 #define WAYS (sizeof way / sizeof *way)
@@ -549,6 +633,9 @@ int main(void)
         cmocka_unit_test(test_sim__the_callback_cancels_within_its_iteration),
         cmocka_unit_test(test_sim__a_run_cancelled_beforehand_ends_at_once),
         cmocka_unit_test(test_sim__the_time_limit_ends_a_run),
+        cmocka_unit_test(test_sim__a_factorisation_that_cannot_end_in_time_is_not_begun),
+        cmocka_unit_test(test_sim__sewing_begins_no_factorisation_that_cannot_end_in_time),
+        cmocka_unit_test(test_sim__a_run_grown_too_slow_ends_with_its_best_state),
         cmocka_unit_test(test_sim__options_are_refused_past_their_limits),
         cmocka_unit_test(test_sim__the_same_input_gives_the_same_bytes),
         cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),

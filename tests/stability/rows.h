@@ -35,7 +35,7 @@ extern const char *const row_verdict_name[ROW_VERDICTS];
 /* One run, as its process tells it. Plain data: it comes through a pipe. */
 struct row {
     enum verdict verdict;
-    char why[160]; /* of a refusal, no result or violation */
+    char why[160]; /* of a refusal, no rest, no result or violation */
     uint32_t iterations;
     double residual;   /* force, of the state returned */
     double start, end; /* J: potential energy */
