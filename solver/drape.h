@@ -260,11 +260,11 @@ typedef struct drape_options {   /* start from drape_options_default() */
 } drape_options;
 
 /* The time limit. The clock is looked at between iterations and before each factorisation, the long part of
- * one in a large scene. One that cannot be expected to end in time is not begun, unless it should take less
- * than a second; the run then ends there, be it with the start ("the time limit is too short for one
- * iteration"). What to expect follows from the count of operations and from the last factorisation; before
- * there is one, from 5e9 operations a second (newton: 1e9). So a run overruns its limit by the rest of one
- * iteration (2 s at 200 000 triangles) and by what a factorisation takes longer than expected. */
+ * an iteration of a large scene. One that cannot be expected to end in time is not begun, unless it should
+ * take less than a second; the run then ends there and says so, be it with the start as its result. What to
+ * expect follows from the count of operations and from how fast the last factorisation went; before there is
+ * one, from 5e9 operations a second (newton: 1e9). So a run overruns its limit by the rest of one iteration
+ * (2 s at 200 000 triangles) and by what a factorisation takes longer than expected. */
 
 #define DRAPE_MAX_ITERATIONS 100000
 #define DRAPE_MIN_TIME_STEP  1e-6 /* s */

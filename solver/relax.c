@@ -9,7 +9,6 @@
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
-#define OUT_OF_TIME  "the time limit ran out"
 
 /* ---- what methods share -------------------------------------------------------------------------- */
 
@@ -51,7 +50,8 @@ drape_status dr_state_factorise(struct dr_state *s, double compression, bool *re
     *ret_definite = factored == DR_FACTORED;
     if (factored == DR_NO_TIME && status >= 0) {
         s->row.residual_energy = NAN;
-        s->gave_up = s->row.iteration ? OUT_OF_TIME : "the time limit is too short for one iteration";
+        s->gave_up = s->row.iteration ? "the time limit leaves too little for another iteration"
+                                      : "the time limit is too short for one iteration";
     }
     return status;
 }
@@ -251,7 +251,7 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
     if (s->row.iteration == sim->options.max_iterations)
         return "the iterations ran out";
     if (s->row.iteration && dr_sim_interrupted(sim)) /* a first iteration that had time to begin is made */
-        return OUT_OF_TIME;
+        return "the time limit ran out";
     return NULL;
 }
 
