@@ -254,8 +254,8 @@ static double size_of(const drape_energies *e)
     return fabs(e->stretch) + fabs(e->bend) + fabs(e->gravity) + fabs(e->contact);
 }
 
-/* s: what a limit may be overrun by: one iteration, and as none begins that should take longer than the
- * limit, on a machine that is half as fast as it was no more than that once more. */
+/* s: what a limit may be overrun by: one iteration. It began because it was expected to fit in, so that it
+ * takes the limit once more at the very most, where the machine is half as fast as was to be expected. */
 static double overrun(const struct row_job *job, const drape_row *trace, size_t rows)
 {
     double longest = trace[0].seconds;
