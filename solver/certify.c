@@ -26,7 +26,6 @@
 #define NOISE        1e-12 /* of the energies' size: differences below this say nothing */
 #define FIRST_PUSH   0.01  /* of an edge */
 #define MOST_TRIALS  30    /* along one direction */
-#define OUT_OF_TIME  "the time limit ran out"
 
 struct polish {
     struct dr_state *s;
@@ -234,7 +233,7 @@ static drape_status step(struct polish *p, drape_error *reterr)
     if (status < 0)
         return status;
     if (s->gave_up) {
-        certificate->reason = OUT_OF_TIME;
+        certificate->reason = "the time limit leaves too little for the certificate";
         s->gave_up = NULL; /* the rest that was found is not touched by that */
         return DRAPE_OK;
     }
@@ -276,7 +275,7 @@ static drape_status polish(struct polish *p, drape_error *reterr)
     for (int n = 0; status >= 0 && !certificate->reason && !p->escaped; n++) {
         dr_sim_tell(s->sim, &(drape_progress){DRAPE_PHASE_CERTIFYING, s->row, s->sim->report.stops, 0});
         if (dr_sim_interrupted(s->sim))
-            certificate->reason = atomic_load(&s->sim->cancelled) ? "cancelled" : OUT_OF_TIME;
+            certificate->reason = atomic_load(&s->sim->cancelled) ? "cancelled" : "the time limit ran out";
         else if (n == MOST_STEPS)
             certificate->reason = "Newton's method did not come down to round-off";
         else if (certificate->escapes == MOST_ESCAPES)
