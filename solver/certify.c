@@ -289,21 +289,24 @@ static drape_status polish(struct polish *p, drape_error *reterr)
 /* A cloth with a Cholesky matrix for methods that have none of their own; the one it replaces is kept. */
 static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, drape_error *reterr)
 {
-    const drape_scene *scene = s->sim->scene;
+    struct dr_cloth_plan plan = s->sim->plan.welded;
     *ret_own = s->cloth;
     if (s->method->matrix == DR_MATRIX_CHOLESKY)
         return DRAPE_OK;
-    return dr_cloth_new(scene, scene->mesh, scene->bend, scene->gravity, s->cloth->start, NULL, 0,
-                        DR_MATRIX_CHOLESKY, &s->cloth, reterr);
+    plan.matrix = DR_MATRIX_CHOLESKY;
+    return dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
 }
 
 static void take_back(struct dr_state *s, struct dr_cloth *own)
 {
+    size_t bytes[DR_TERMS] = {0}, sum = 3 * own->mesh->nodes * sizeof(double);
     if (s->cloth != own) {
-        size_t bytes = dr_cloth_bytes(s->cloth) + dr_cloth_bytes(own);
-        s->sim->peak_bytes = bytes > s->sim->peak_bytes ? bytes : s->sim->peak_bytes;
+        dr_cloth_bytes(s->cloth, bytes);
         dr_cloth_free(s->cloth);
     }
+    for (int t = 0; t < DR_TERMS; t++)
+        sum += bytes[t];
+    s->certificate_bytes = sum;
     s->cloth = own;
 }
 

@@ -7,42 +7,59 @@
 
 #include "error.h"
 
-drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, const struct dr_bend *bend,
-                          const double gravity[3], const double *start, const uint32_t *link, size_t links,
-                          enum dr_cloth_matrix matrix, struct dr_cloth **ret, drape_error *reterr)
+/* The terms beside the matrix. */
+static drape_status new_terms(const struct dr_cloth_plan *plan, const double *start, struct dr_cloth *cloth,
+                              drape_error *reterr)
 {
-    drape_status status;
+    const drape_scene *scene = plan->scene;
+    size_t nodes = plan->mesh->nodes, triangles = plan->mesh->triangles;
+    if (plan->gravity) {
+        memcpy(cloth->gravity, scene->gravity, sizeof cloth->gravity);
+        cloth->start = malloc(3 * nodes * sizeof *start);
+        if (!cloth->start)
+            return dr_out_of_memory(reterr);
+        memcpy(cloth->start, start, 3 * nodes * sizeof *start);
+    }
+    if (plan->matrix != DR_MATRIX_NONE) {
+        cloth->stress = calloc(3 * triangles, sizeof *cloth->stress);
+        if (!cloth->stress)
+            return dr_out_of_memory(reterr);
+    }
+    drape_status status =
+        dr_stretch_new(plan->mesh, scene->material, scene->materials, &cloth->stretch, reterr);
+    if (status >= 0 && plan->contact)
+        status = dr_contact_new(plan->mesh, scene->body, scene->bodies, &cloth->contact, reterr);
+    return status;
+}
+
+static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_matrix **ret, drape_error *reterr)
+{
     struct dr_bend_stiffness *stiffness = NULL;
+    drape_status status = DRAPE_OK;
+    if (plan->bend)
+        status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &stiffness, reterr);
+    if (status >= 0)
+        status = dr_matrix_new(plan->mesh, stiffness, plan->link, plan->links,
+                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, ret, reterr);
+    dr_bend_stiffness_free(stiffness);
+    return status;
+}
+
+drape_status dr_cloth_new(const struct dr_cloth_plan *plan, const double *start, struct dr_cloth **ret,
+                          drape_error *reterr)
+{
     struct dr_cloth *cloth = calloc(1, sizeof *cloth);
     if (!cloth)
         return dr_out_of_memory(reterr);
-    cloth->mesh = mesh;
-    cloth->bend = bend;
-    memcpy(cloth->gravity, gravity, sizeof cloth->gravity);
-    cloth->start = malloc(3 * mesh->nodes * sizeof *cloth->start);
-    if (matrix != DR_MATRIX_NONE)
-        cloth->stress = calloc(3 * mesh->triangles, sizeof *cloth->stress);
-    if (!cloth->start || (matrix != DR_MATRIX_NONE && !cloth->stress)) {
-        status = dr_out_of_memory(reterr);
-        goto cleanup;
-    }
-    memcpy(cloth->start, start, 3 * mesh->nodes * sizeof *start);
-    status = dr_stretch_new(mesh, scene->material, scene->materials, &cloth->stretch, reterr);
-    if (status >= 0 && scene->bodies)
-        status = dr_contact_new(mesh, scene->body, scene->bodies, &cloth->contact, reterr);
-    if (status >= 0 && bend && matrix != DR_MATRIX_NONE)
-        status = dr_bend_stiffness_new(bend, mesh->nodes, &stiffness, reterr);
-    if (status >= 0 && matrix != DR_MATRIX_NONE)
-        status = dr_matrix_new(mesh, stiffness, link, links, matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY,
-                               &cloth->A, reterr);
-    if (status >= 0) {
+    cloth->mesh = plan->mesh;
+    cloth->bend = plan->bend;
+    drape_status status = new_terms(plan, start, cloth, reterr);
+    if (status >= 0 && plan->matrix != DR_MATRIX_NONE)
+        status = new_matrix(plan, &cloth->A, reterr);
+    if (status < 0)
+        dr_cloth_free(cloth);
+    else
         *ret = cloth;
-        cloth = NULL;
-    }
-
-cleanup:
-    dr_bend_stiffness_free(stiffness);
-    dr_cloth_free(cloth);
     return status;
 }
 
@@ -59,36 +76,51 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
     return NULL;
 }
 
-size_t dr_cloth_bytes(const struct dr_cloth *cloth)
+void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS])
 {
-    size_t bytes = sizeof *cloth + dr_stretch_bytes(cloth->stretch) + 3 * cloth->mesh->nodes * sizeof(double);
-    if (cloth->A)
-        bytes += dr_matrix_bytes(cloth->A) + 3 * cloth->mesh->triangles * sizeof(double);
+    size_t curves = dr_stretch_curve_bytes(cloth->stretch);
+    bytes[DR_TERM_STRETCH] += sizeof *cloth + dr_stretch_bytes(cloth->stretch) - curves;
+    bytes[DR_TERM_CURVES] += curves;
+    if (cloth->start)
+        bytes[DR_TERM_GRAVITY] += 3 * cloth->mesh->nodes * sizeof *cloth->start;
     if (cloth->contact)
-        bytes += dr_contact_bytes(cloth->contact);
-    return bytes;
+        bytes[DR_TERM_CONTACT] += dr_contact_bytes(cloth->contact);
+    if (cloth->A)
+        bytes[DR_TERM_JACOBIAN] += dr_matrix_bytes(cloth->A);
+    if (cloth->stress)
+        bytes[DR_TERM_GEOMETRIC_STIFFNESS] += 3 * cloth->mesh->triangles * sizeof *cloth->stress;
 }
 
-double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f)
+/* Turns the gradient f into the force, its negative plus the weight; gives gravity's energy. */
+static double add_gravity(const struct dr_cloth *cloth, const double *x, double *f)
 {
     const struct dr_mesh *mesh = cloth->mesh;
     const double *g = cloth->gravity;
-    memset(f, 0, 3 * mesh->nodes * sizeof *f);
-
-    /* The terms add their gradient; f is its negative, gravity included. */
-    ret->stretch = dr_stretch_energy(cloth->stretch, x, f);
-    ret->bend = cloth->bend ? dr_bend_energy(cloth->bend, x, f) : 0;
-    ret->contact = cloth->contact ? dr_contact_energy(cloth->contact, x, f) : 0;
-    long double gravity = 0;
+    long double energy = 0;
     for (size_t i = 0; i < mesh->nodes; i++) {
         double fall = 0;
         for (size_t d = 0; d < 3; d++) {
             fall += g[d] * (x[3 * i + d] - cloth->start[3 * i + d]);
             f[3 * i + d] = mesh->mass[i] * g[d] - f[3 * i + d];
         }
-        gravity -= mesh->mass[i] * fall;
+        energy -= mesh->mass[i] * fall;
     }
-    ret->gravity = (double)gravity;
+    return (double)energy;
+}
+
+double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f)
+{
+    size_t count = 3 * cloth->mesh->nodes;
+    memset(f, 0, count * sizeof *f);
+    ret->stretch = dr_stretch_energy(cloth->stretch, x, f);
+    ret->bend = cloth->bend ? dr_bend_energy(cloth->bend, x, f) : 0;
+    ret->contact = cloth->contact ? dr_contact_energy(cloth->contact, x, f) : 0;
+    ret->gravity = 0;
+    if (cloth->start)
+        ret->gravity = add_gravity(cloth, x, f);
+    else
+        for (size_t i = 0; i < count; i++)
+            f[i] = -f[i];
     ret->potential = ret->stretch + ret->bend + ret->contact + ret->gravity;
     return ret->potential;
 }

@@ -1,13 +1,13 @@
-/* cloth.h - the mechanics of one mesh: which terms it has, their energies, forces and step matrix.
+/* cloth.h - the mechanics of one mesh: its terms' energies, forces and step matrix.
  *
- * The plan of a run: a term the scene does not need is NULL here and costs nothing. Used twice, for
- * the loose pieces while they are sewn and for the welded cloth. Belongs to one thread. */
+ * Which terms there are is the plan's decision; one that it leaves out is NULL here and costs nothing. Used
+ * twice, for the loose pieces while they are sewn and for the welded cloth. Belongs to one thread. */
 #ifndef DR_CLOTH_H
 #define DR_CLOTH_H
 
 #include "contact.h"
 #include "matrix.h"
-#include "scene.h"
+#include "plan.h"
 #include "stretch.h"
 
 struct dr_cloth {
@@ -16,20 +16,18 @@ struct dr_cloth {
     struct dr_stretch *stretch;
     struct dr_contact *contact; /* NULL: left out */
     struct dr_matrix *A;        /* NULL: an explicit integrator needs none */
-    double gravity[3];          /* zero while sewing */
-    double *start;              /* 3*nodes: where gravity's energy is zero */
-    double *stress;             /* 3*triangles: what the geometric stiffness is built from */
+    double gravity[3];          /* zero: left out */
+    double *start;              /* 3*nodes: where gravity's energy is zero; NULL: left out */
+    double *stress;             /* 3*triangles: what the geometric stiffness is built from; NULL with A */
 };
 
-enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
-
-/* `start`: 3*nodes, copied. `link`: 2*links node pairs for springs (sewing), NULL if 0. The mesh, the
- * bend and the scene must outlive the cloth. */
-drape_status dr_cloth_new(const drape_scene *scene, const struct dr_mesh *mesh, const struct dr_bend *bend,
-                          const double gravity[3], const double *start, const uint32_t *link, size_t links,
-                          enum dr_cloth_matrix matrix, struct dr_cloth **ret, drape_error *reterr);
+/* `start`: 3*nodes, copied. What the plan points to must outlive the cloth. */
+drape_status dr_cloth_new(const struct dr_cloth_plan *plan, const double *start, struct dr_cloth **ret,
+                          drape_error *reterr);
 struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth); /* NULL is fine; returns NULL */
-size_t dr_cloth_bytes(const struct dr_cloth *cloth);
+
+/* Adds what the cloth holds, besides what the scene does, to each of its terms. */
+void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS]);
 
 /* Energies at x (3*nodes; kinetic is left alone) into *ret, minus their gradient into f (3*nodes; the
  * entries of held nodes are reactions). Returns the potential energy. */

@@ -302,11 +302,12 @@ typedef enum drape_verdict {
 
 const char *drape_verdict_name(drape_verdict verdict); /* "at-rest": the name the HTTP contract uses */
 
-/* One term of the compiled plan: what this scene needed, what it left out, and why. */
+/* One term of the plan, which is compiled from scene and options before the first step: what this run needs,
+ * what it leaves out, and why. What is left out costs neither an instruction nor a byte. */
 typedef struct drape_term {
-    const char *name; /* "stretch", "bend", "contact", "sewing", ... */
+    const char *name; /* "stretch", "bend", "contact", "jacobian", ... */
     bool kept;
-    size_t bytes;       /* memory held by it; 0 when left out */
+    size_t bytes;       /* the most that it held; every byte of scene and sim belongs to one term */
     const char *reason; /* static string: "no body in the scene"; "" when kept */
 } drape_term;
 
@@ -353,7 +354,8 @@ typedef struct drape_report {
     uint32_t penetrations;    /* nodes inside a body (distance < 0) in that state */
     double deepest;           /* m: depth of the deepest of them; 0 when none */
     size_t nodes, free_nodes; /* after welding */
-    size_t peak_bytes;        /* held by scene and sim together */
+    size_t peak_bytes;        /* held by scene and sim together: the terms' sum, though what draping adds and
+                               * what sewing adds are not held at the same time */
     drape_term term[DRAPE_MAX_TERMS];
     size_t terms;
     drape_stage stage[DRAPE_MAX_STAGES];

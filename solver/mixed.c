@@ -16,10 +16,8 @@
  * takes over. Constants: found on 14 of 22 scenes (squares, skirts, arcs, folds, noise; 10 to 10 000 N/m),
  * `make bench-methods` runs them all. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "error.h"
 #include "state.h"
 
 #define FIRST_H_MIN   0.005 /* s: the job's time step, held to this range, is the first h */
@@ -114,16 +112,9 @@ static drape_status bite(struct dr_state *s, drape_error *reterr)
     s->lowest_force = INFINITY;
     if (++s->bites < MOST_BITES)
         return DRAPE_OK;
-    s->method = &dr_backward_euler;
     s->sim->report.method = DRAPE_METHOD_STOP_AND_GO;
     s->row.time_step = s->sim->options.time_step;
-    s->v = calloc(count, sizeof *s->v);
-    for (unsigned i = 0; i < s->method->extra; i++)
-        s->extra[i] = calloc(count, sizeof *s->extra[i]);
-    for (unsigned i = 0; i < s->method->extra; i++)
-        if (!s->v || !s->extra[i])
-            return dr_out_of_memory(reterr);
-    return DRAPE_OK;
+    return dr_state_hand_over(s, &dr_backward_euler, reterr);
 }
 
 static drape_status advance(struct dr_state *s, drape_error *reterr)

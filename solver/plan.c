@@ -1,33 +1,146 @@
-/* plan.c - lists the terms that a run kept and left out. */
+/* plan.c - decides which terms, buffers, matrix and method a run needs, and accounts for their bytes. */
 #include "plan.h"
 
-static void add(drape_report *report, const char *name, bool kept, size_t bytes, const char *reason)
+#include <string.h>
+
+#include "state.h"
+
+static void decide(struct dr_plan *plan, enum dr_term term, const char *name, bool kept, size_t bytes,
+                   const char *reason)
 {
-    report->term[report->terms++] = (drape_term){name, kept, kept ? bytes : 0, kept ? "" : reason};
+    plan->term[term] = (drape_term){name, kept, kept ? bytes : 0, kept ? "" : reason};
 }
 
-void dr_plan(struct drape_sim *sim)
+/* ---- the method --------------------------------------------------------------------------------- */
+
+static const struct dr_method *method_of(const drape_scene *scene, const drape_options *options)
 {
-    const drape_scene *scene = sim->scene;
-    drape_report *report = &sim->report;
-    size_t body_bytes = 0;
+    static const struct dr_method *const stepper[] = {
+        [DRAPE_BACKWARD_EULER] = &dr_backward_euler,
+        [DRAPE_BDF2] = &dr_bdf2,
+        [DRAPE_IMPLICIT_MIDPOINT] = &dr_implicit_midpoint,
+        [DRAPE_RK4] = &dr_rk4,
+    };
+    switch (options->method) {
+    case DRAPE_METHOD_AUTO:
+        return scene->bodies ? &dr_backward_euler : &dr_mixed;
+    case DRAPE_METHOD_QUASI_STATIC:
+        return &dr_quasi_static;
+    case DRAPE_METHOD_NEWTON:
+        return &dr_newton;
+    case DRAPE_METHOD_STOP_AND_GO:
+    case DRAPE_METHOD_DYNAMIC:
+    case DRAPE_METHOD_VELOCITY_CORRECTION:
+        break;
+    }
+    return stepper[options->integrator];
+}
+
+/* What the report calls it. */
+static void name_method(const drape_scene *scene, const drape_options *options, drape_report *report)
+{
+    bool automatic = options->method == DRAPE_METHOD_AUTO;
+    report->method = automatic && scene->bodies ? DRAPE_METHOD_STOP_AND_GO : options->method;
+    report->stop_on = automatic ? DRAPE_STOP_ON_KINETIC : options->stop_on;
+    report->integrator = dr_steps_in_time(options) ? options->integrator : DRAPE_BACKWARD_EULER;
+}
+
+/* ---- the terms ---------------------------------------------------------------------------------- */
+
+static const char *reason_not_to_sew(const drape_scene *scene)
+{
+    if (!scene->seams)
+        return "no seams";
+    return scene->pieces ? "only the start is evaluated" : "the seams start closed";
+}
+
+/* With the bytes that the scene holds for each; the state gets those that no other term accounts for. */
+static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const drape_options *options)
+{
+    static const char explicit[] = "the integrator is explicit";
+    const struct dr_cloth_plan *cloth = &plan->welded;
+    bool implicit = cloth->matrix != DR_MATRIX_NONE;
+    size_t body_bytes = 0, sewing_bytes = 0, others = 0;
     for (size_t b = 0; b < scene->bodies; b++)
         body_bytes += dr_body_bytes(scene->body[b]);
-    const double *g = scene->gravity;
+    if (scene->pieces)
+        sewing_bytes = dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend);
 
-    add(report, "stretch", true, dr_mesh_bytes(scene->mesh), "");
-    add(report, "bend", scene->bend != NULL, scene->bend ? dr_bend_bytes(scene->bend) : 0,
-        "no material has bending rigidity");
-    add(report, "gravity", g[0] != 0 || g[1] != 0 || g[2] != 0, 3 * scene->mesh->nodes * sizeof(double),
-        "gravity is zero");
-    add(report, "contact", scene->bodies > 0, body_bytes, "no body in the scene");
-    add(report, "sewing", report->sewing_iterations > 0,
-        scene->pieces ? dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend) : 0,
-        !scene->seams ? "no seams" : "the seams start closed");
-    add(report, "friction", false, 0, "not in this version");
-    add(report, "self-contact", false, 0, "not in this version");
-    add(report, "jacobian", report->integrator != DRAPE_RK4, 0, "the integrator is explicit");
-    add(report, "compressive-stress",
-        report->method == DRAPE_METHOD_AUTO || report->method == DRAPE_METHOD_NEWTON, 0,
-        "the method keeps its matrix positive semi-definite");
+    decide(plan, DR_TERM_STRETCH, "stretch", true, dr_mesh_bytes(cloth->mesh), "");
+    decide(plan, DR_TERM_CURVES, "strain-stress-curves", scene->curve_points > 0,
+           2 * scene->curve_points * sizeof(double), "every fabric is linear");
+    decide(plan, DR_TERM_BEND, "bend", cloth->bend, cloth->bend ? dr_bend_bytes(cloth->bend) : 0,
+           "no material has bending rigidity");
+    decide(plan, DR_TERM_GRAVITY, "gravity", cloth->gravity, 0, "gravity is zero");
+    decide(plan, DR_TERM_CONTACT, "contact", cloth->contact, body_bytes, "no body in the scene");
+    decide(plan, DR_TERM_FRICTION, "friction", false, 0, "not in this version");
+    decide(plan, DR_TERM_SELF_CONTACT, "self-contact", false, 0, "not in this version");
+    decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
+    decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
+    decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
+    decide(plan, DR_TERM_VELOCITIES, "velocities", plan->method->moves, 0, "the method has none");
+    decide(plan, DR_TERM_CERTIFICATE, "certificate", options->certify, 0, "not asked for");
+    for (int t = 0; t < DR_TERMS; t++)
+        others += plan->term[t].bytes;
+    decide(plan, DR_TERM_STATE, "state", true, dr_scene_bytes(scene) - others, "");
+    decide(plan, DR_TERM_TRACE, "trace", true, 0, "");
+}
+
+void dr_plan_compile(struct drape_sim *sim)
+{
+    const drape_scene *scene = sim->scene;
+    const double *g = scene->gravity;
+    struct dr_plan *plan = &sim->plan;
+    name_method(scene, &sim->options, &sim->report);
+    plan->method = method_of(scene, &sim->options);
+    plan->welded = (struct dr_cloth_plan){
+        .scene = scene,
+        .mesh = scene->mesh,
+        .bend = scene->bend,
+        .gravity = g[0] != 0 || g[1] != 0 || g[2] != 0,
+        .contact = scene->bodies > 0,
+        .matrix = plan->method->matrix,
+    };
+    if (scene->pieces && sim->options.max_iterations)
+        plan->pieces = (struct dr_cloth_plan){
+            .scene = scene,
+            .mesh = scene->pieces,
+            .bend = scene->pieces_bend,
+            .contact = scene->bodies > 0,
+            .link = scene->seam,
+            .links = scene->seams,
+            .matrix = DR_MATRIX_CHOLESKY,
+        };
+    decide_terms(plan, scene, &sim->options);
+    plan->term[DR_TERM_STATE].bytes +=
+        sizeof *sim + 3 * (scene->vertices + scene->mesh->nodes) * sizeof(double);
+    plan->term[DR_TERM_TRACE].bytes = ((size_t)sim->options.max_iterations + 1) * sizeof *sim->row;
+}
+
+void dr_plan_keep(struct dr_plan *plan, enum dr_term term)
+{
+    plan->term[term].kept = true;
+    plan->term[term].reason = "";
+}
+
+/* ---- the bytes ---------------------------------------------------------------------------------- */
+
+void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS])
+{
+    for (int t = 0; t < DR_TERMS; t++) {
+        plan->term[phase == DRAPE_PHASE_SEWING ? DR_TERM_SEWING : t].bytes += bytes[t];
+        plan->phase_bytes[phase] += bytes[t];
+    }
+}
+
+void dr_plan_report(const struct dr_plan *plan, drape_report *report)
+{
+    const size_t *phase = plan->phase_bytes;
+    _Static_assert(DR_TERMS <= DRAPE_MAX_TERMS, "the report has room for every term");
+    memcpy(report->term, plan->term, sizeof plan->term);
+    report->terms = DR_TERMS;
+    report->peak_bytes = 0;
+    for (int t = 0; t < DR_TERMS; t++)
+        report->peak_bytes += plan->term[t].bytes;
+    report->peak_bytes -= phase[0] < phase[1] ? phase[0] : phase[1];
 }

@@ -12,27 +12,27 @@
 
 /* ---- what methods share -------------------------------------------------------------------------- */
 
-const struct dr_method *dr_method_of(const struct drape_sim *sim)
+/* Makes the arrays that the method wants and that are not there yet. */
+static bool allocate(struct dr_state *s)
 {
-    static const struct dr_method *const stepper[] = {
-        [DRAPE_BACKWARD_EULER] = &dr_backward_euler,
-        [DRAPE_BDF2] = &dr_bdf2,
-        [DRAPE_IMPLICIT_MIDPOINT] = &dr_implicit_midpoint,
-        [DRAPE_RK4] = &dr_rk4,
-    };
-    switch (sim->options.method) {
-    case DRAPE_METHOD_AUTO:
-        return sim->scene->bodies ? &dr_backward_euler : &dr_mixed;
-    case DRAPE_METHOD_QUASI_STATIC:
-        return &dr_quasi_static;
-    case DRAPE_METHOD_NEWTON:
-        return &dr_newton;
-    case DRAPE_METHOD_STOP_AND_GO:
-    case DRAPE_METHOD_DYNAMIC:
-    case DRAPE_METHOD_VELOCITY_CORRECTION:
-        break;
-    }
-    return stepper[sim->options.integrator];
+    double **array[5 + 1 + DR_MAX_EXTRA] = {&s->f, &s->w, &s->x_next, &s->f_next, &s->best};
+    size_t count = 5, nodes = s->sim->plan.welded.mesh->nodes;
+    if (s->method->moves)
+        array[count++] = &s->v;
+    for (unsigned i = 0; i < s->method->extra; i++)
+        array[count++] = &s->extra[i];
+    for (size_t i = 0; i < count; i++)
+        if (!*array[i] && !(*array[i] = calloc(3 * nodes, sizeof(double))))
+            return false;
+    return true;
+}
+
+drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr)
+{
+    s->method = method;
+    if (method->moves)
+        dr_plan_keep(&s->sim->plan, DR_TERM_VELOCITIES);
+    return allocate(s) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
 drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
@@ -213,18 +213,23 @@ static bool slid_off(const struct dr_state *s)
 
 /* ---- the run ------------------------------------------------------------------------------------- */
 
-/* Completes this state's row, keeps it, and tells the caller. */
-static void record(struct dr_state *s)
+/* Completes this state's row, adds it to the trace, and tells the caller. A function of its own, so that
+ * what the trace costs can be counted (tests/counts). */
+static __attribute__((noinline)) void record(struct dr_state *s)
 {
     struct drape_sim *sim = s->sim;
-    drape_row *row = &s->row;
-    row->seconds = dr_clock() - sim->began;
-    sim->row[sim->rows++] = *row;
-    if (row->iteration == 0 || row->energy.potential < s->best_row.energy.potential) {
-        memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
-        s->best_row = *row;
-    }
-    dr_sim_tell(sim, &(drape_progress){DRAPE_PHASE_DRAPING, *row, sim->report.stops, 0});
+    s->row.seconds = dr_clock() - sim->began;
+    sim->row[sim->rows++] = s->row;
+    dr_sim_tell(sim, &(drape_progress){DRAPE_PHASE_DRAPING, s->row, sim->report.stops, 0});
+}
+
+/* Notes the state to return should no later one come to rest. */
+static void keep_best(struct dr_state *s)
+{
+    if (s->row.iteration && !(s->row.energy.potential < s->best_row.energy.potential))
+        return;
+    memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
+    s->best_row = s->row;
 }
 
 /* Why the run ends at this state, with the verdict so far; NULL: it goes on. */
@@ -255,10 +260,14 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
     return NULL;
 }
 
-static size_t state_bytes(const struct dr_state *s)
+static void note_bytes(struct dr_state *s)
 {
-    size_t arrays = 6 + (s->v != NULL) + s->method->extra;
-    return dr_cloth_bytes(s->cloth) + arrays * 3 * s->cloth->mesh->nodes * sizeof(double);
+    size_t array = 3 * s->cloth->mesh->nodes * sizeof(double), bytes[DR_TERMS] = {0};
+    bytes[DR_TERM_STATE] = 5 * array;
+    bytes[DR_TERM_CERTIFICATE] = s->certificate_bytes;
+    bytes[DR_TERM_VELOCITIES] = ((s->v != NULL) + s->method->extra) * array;
+    dr_cloth_bytes(s->cloth, bytes);
+    dr_plan_hold(&s->sim->plan, DRAPE_PHASE_DRAPING, bytes);
 }
 
 /* Leaves the state to return in s->x and describes it. */
@@ -288,8 +297,7 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     report->free_nodes = 0;
     for (size_t i = 0; i < mesh->nodes; i++)
         report->free_nodes += !mesh->held[i];
-    if (state_bytes(s) > s->sim->peak_bytes)
-        s->sim->peak_bytes = state_bytes(s);
+    note_bytes(s);
 }
 
 /* *ret_escaped: the run goes on from below a saddle. */
@@ -335,6 +343,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
         if (status < 0)
             return status;
         record(s);
+        keep_best(s);
         drape_verdict verdict;
         const char *reason = ending(s, &verdict);
         if (reason) {
@@ -355,20 +364,6 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
     }
 }
 
-static bool allocate(struct dr_state *s, size_t nodes)
-{
-    double **array[5 + 1 + DR_MAX_EXTRA] = {&s->f, &s->w, &s->x_next, &s->f_next, &s->best};
-    size_t count = 5;
-    if (s->method->moves)
-        array[count++] = &s->v;
-    for (unsigned i = 0; i < s->method->extra; i++)
-        array[count++] = &s->extra[i];
-    for (size_t i = 0; i < count; i++)
-        if (!(*array[i] = calloc(3 * nodes, sizeof(double))))
-            return false;
-    return true;
-}
-
 static void release(struct dr_state *s)
 {
     double *array[] = {s->f, s->v, s->w, s->x_next, s->f_next, s->best};
@@ -381,14 +376,12 @@ static void release(struct dr_state *s)
 
 drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
 {
-    const drape_scene *scene = sim->scene;
     double began = dr_clock();
-    struct dr_state s = {.sim = sim, .x = x, .method = dr_method_of(sim), .fresh = true};
+    struct dr_state s = {.sim = sim, .x = x, .method = sim->plan.method, .fresh = true};
     s.row.time_step = sim->options.time_step;
-    drape_status status = allocate(&s, scene->mesh->nodes) ? DRAPE_OK : dr_out_of_memory(reterr);
+    drape_status status = allocate(&s) ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
-        status = dr_cloth_new(scene, scene->mesh, scene->bend, scene->gravity, x, NULL, 0, s.method->matrix,
-                              &s.cloth, reterr);
+        status = dr_cloth_new(&sim->plan.welded, x, &s.cloth, reterr);
     if (status >= 0) {
         s.weight = dr_cloth_mean_weight(s.cloth);
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);

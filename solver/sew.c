@@ -102,19 +102,19 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
 drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
-    const double weightless[3] = {0, 0, 0};
     double began = dr_clock();
     struct dr_cloth *cloth = NULL;
     double *f = malloc(3 * scene->vertices * sizeof *f), *w = malloc(3 * scene->vertices * sizeof *w);
     drape_status status = f && w ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
-        status = dr_cloth_new(scene, scene->pieces, scene->pieces_bend, weightless, sim->positions,
-                              scene->seam, scene->seams, DR_MATRIX_CHOLESKY, &cloth, reterr);
+        status = dr_cloth_new(&sim->plan.pieces, sim->positions, &cloth, reterr);
     if (status >= 0) {
         dr_matrix_set_base(cloth->A, 1 / (TIME_STEP * TIME_STEP));
         dr_stretch_stress(cloth->stretch, sim->positions, NULL, cloth->stress);
         status = sew_pieces(sim, cloth, f, w, reterr);
-        sim->peak_bytes = dr_cloth_bytes(cloth) + 6 * scene->vertices * sizeof(double);
+        size_t bytes[DR_TERMS] = {[DR_TERM_SEWING] = 6 * scene->vertices * sizeof(double)};
+        dr_cloth_bytes(cloth, bytes);
+        dr_plan_hold(&sim->plan, DRAPE_PHASE_SEWING, bytes);
     }
     dr_cloth_free(cloth);
     free(f);

@@ -9,7 +9,6 @@
 #include <time.h>
 
 #include "error.h"
-#include "plan.h"
 
 #define SHORT_FACTORISATION 1.0 /* s: one expected to take no longer always begins */
 
@@ -25,7 +24,7 @@ drape_options drape_options_default(void)
     };
 }
 
-static bool steps_in_time(const drape_options *options)
+bool dr_steps_in_time(const drape_options *options)
 {
     return options->method == DRAPE_METHOD_STOP_AND_GO || options->method == DRAPE_METHOD_DYNAMIC ||
            options->method == DRAPE_METHOD_VELOCITY_CORRECTION;
@@ -45,7 +44,7 @@ drape_status drape_options_check(const drape_options *options, drape_error *rete
         member = "air_damping";
     else if (!(options->material_damping >= 0 && isfinite(options->material_damping)))
         member = "material_damping";
-    else if (damped && (options->integrator != DRAPE_BACKWARD_EULER || !steps_in_time(options)))
+    else if (damped && (options->integrator != DRAPE_BACKWARD_EULER || !dr_steps_in_time(options)))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_OPTION, -1, -1,
                           options->air_damping != 0 ? "air_damping" : "material_damping",
                           "damping needs backward Euler, by a method that steps in time");
@@ -80,10 +79,7 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
     sim->options = *options;
     atomic_init(&sim->cancelled, false);
     memcpy(sim->positions, scene->positions, 3 * scene->vertices * sizeof *sim->positions);
-    bool falls_back = options->method == DRAPE_METHOD_AUTO && scene->bodies;
-    sim->report.method = falls_back ? DRAPE_METHOD_STOP_AND_GO : options->method;
-    sim->report.stop_on = options->method == DRAPE_METHOD_AUTO ? DRAPE_STOP_ON_KINETIC : options->stop_on;
-    sim->report.integrator = steps_in_time(options) ? options->integrator : DRAPE_BACKWARD_EULER;
+    dr_plan_compile(sim);
     *ret = sim;
     return DRAPE_OK;
 }
@@ -183,7 +179,7 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
         return dr_out_of_memory(reterr);
     omp_set_max_active_levels(0); /* see drape_sim_run in drape.h */
     sim->began = dr_clock();
-    if (scene->pieces && sim->options.max_iterations)
+    if (sim->plan.pieces.mesh)
         status = dr_sew(sim, reterr);
     if (status >= 0) {
         dr_scene_weld(scene, sim->positions, x);
@@ -192,11 +188,8 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
     if (status >= 0) {
         unweld(scene, x, sim->positions);
         sim->report.seconds = dr_clock() - sim->began;
-        sim->report.peak_bytes = sim->peak_bytes + dr_scene_bytes(scene) +
-                                 ((size_t)sim->options.max_iterations + 1) * sizeof *sim->row +
-                                 3 * (scene->vertices + scene->mesh->nodes) * sizeof(double);
         report_stages(sim);
-        dr_plan(sim);
+        dr_plan_report(&sim->plan, &sim->report);
         if (atomic_load(&sim->cancelled))
             status = DRAPE_CANCELLED;
         else if (sim->report.verdict != DRAPE_VERDICT_AT_REST)

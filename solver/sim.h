@@ -24,16 +24,19 @@ struct drape_sim {
     atomic_bool cancelled;
     double began;            /* s, monotonic */
     double stage[DR_STAGES]; /* s */
-    double *positions;       /* 3*vertices: the result */
-    drape_row *row;          /* max_iterations + 1 */
+    struct dr_plan plan;
+    double *positions; /* 3*vertices: the result */
+    drape_row *row;    /* max_iterations + 1 */
     size_t rows;
-    size_t peak_bytes;
     double
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
     drape_report report;
 };
 
 double dr_clock(void); /* s, monotonic */
+
+/* By an integrator: the method is stop-and-go or dynamic. */
+bool dr_steps_in_time(const drape_options *options);
 
 /* Cancelled, or past the time limit. */
 bool dr_sim_interrupted(const struct drape_sim *sim);

@@ -44,10 +44,11 @@ struct dr_state { /* arrays are 3*nodes */
     drape_row row, best_row;
     double weight;                               /* N: what residual_force is relative to */
     double previous_potential, previous_kinetic; /* J, one iteration back */
-    double work;         /* J: of the potential forces over the last step, by the trapezoid rule */
-    bool moving;         /* velocities may be nonzero */
-    bool fresh;          /* no step since the start or the last stop: there is no history */
-    const char *gave_up; /* why the method can go no further; NULL: it can */
+    double work;              /* J: of the potential forces over the last step, by the trapezoid rule */
+    bool moving;              /* velocities may be nonzero */
+    bool fresh;               /* no step since the start or the last stop: there is no history */
+    size_t certificate_bytes; /* that the certificate held, for as long as it took */
+    const char *gave_up;      /* why the method can go no further; NULL: it can */
 
     /* mixed.c */
     double h;                    /* s: the regularisation M/h^2 */
@@ -61,11 +62,11 @@ struct dr_state { /* arrays are 3*nodes */
     unsigned bites;              /* of the watchdog */
 };
 
-/* The method that the options name for this scene. */
-const struct dr_method *dr_method_of(const struct drape_sim *sim);
-
 extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, dr_quasi_static, dr_rk4,
     dr_newton, dr_mixed;
+
+/* Goes on with another method, which needs the same matrix; makes the arrays that it lacks. */
+drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr);
 
 /* Assembles with `compression`, factorises, and accounts for the time. *ret_definite tells whether that
  * went well; where there was no time left for it, gave_up says so. The status is negative only when memory

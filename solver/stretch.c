@@ -100,12 +100,18 @@ struct dr_stretch *dr_stretch_free(struct dr_stretch *stretch)
     return NULL;
 }
 
-size_t dr_stretch_bytes(const struct dr_stretch *stretch)
+size_t dr_stretch_curve_bytes(const struct dr_stretch *stretch)
 {
-    size_t bytes = sizeof *stretch + stretch->materials * sizeof *stretch->elasticity;
+    size_t bytes = 0;
     for (size_t i = 0; stretch->curve && i < 3 * stretch->materials; i++)
         bytes += sizeof(struct dr_curve *) + (stretch->curve[i] ? dr_curve_bytes(stretch->curve[i]) : 0);
     return bytes;
+}
+
+size_t dr_stretch_bytes(const struct dr_stretch *stretch)
+{
+    return sizeof *stretch + stretch->materials * sizeof *stretch->elasticity +
+           dr_stretch_curve_bytes(stretch);
 }
 
 static double dot(const double a[3], const double b[3])

@@ -16,8 +16,9 @@ struct dr_stretch;
 /* `mesh` must outlive it; `material` (as many as the mesh names) and its curves are copied. */
 drape_status dr_stretch_new(const struct dr_mesh *mesh, const drape_material *material, size_t materials,
                             struct dr_stretch **ret, drape_error *reterr);
-struct dr_stretch *dr_stretch_free(struct dr_stretch *stretch); /* NULL is fine; returns NULL */
-size_t dr_stretch_bytes(const struct dr_stretch *stretch);
+struct dr_stretch *dr_stretch_free(struct dr_stretch *stretch);  /* NULL is fine; returns NULL */
+size_t dr_stretch_bytes(const struct dr_stretch *stretch);       /* curves included */
+size_t dr_stretch_curve_bytes(const struct dr_stretch *stretch); /* of the curves' tables; 0 without */
 
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, double *g);

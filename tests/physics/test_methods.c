@@ -89,6 +89,10 @@ static void test_methods__auto_hands_over_to_stop_and_go_when_nothing_improves(v
     assert_int_equal(run.report->iterations, options.max_iterations);
     assert_close(run.report->state.energy.potential, rest.report->state.energy.potential, 1e-9);
     assert_true(run.row[run.rows - 1].time_step == options.time_step); /* steps in time again */
+    for (size_t i = 0; i < run.report->terms; i++) /* for which it has velocities after all */
+        if (!strcmp(run.report->term[i].name, "velocities"))
+            assert_true(run.report->term[i].kept && run.report->term[i].bytes > 0 &&
+                        !rest.report->term[i].kept && rest.report->term[i].bytes == 0);
     run_done(&run);
     run_done(&rest);
     setup_free(setup);

@@ -56,9 +56,13 @@ static void make(struct example *e, double rigidity)
     desc.material = &e->material;
     desc.body = &e->body;
     assert_int_equal(drape_scene_new(&desc, &e->scene, NULL), DRAPE_OK);
-    assert_int_equal(dr_cloth_new(e->scene, e->scene->mesh, e->scene->bend, e->scene->gravity, e->positions,
-                                  NULL, 0, DR_MATRIX_CHOLESKY, &e->cloth, NULL),
-                     DRAPE_OK);
+    const struct dr_cloth_plan plan = {.scene = e->scene,
+                                       .mesh = e->scene->mesh,
+                                       .bend = e->scene->bend,
+                                       .gravity = true,
+                                       .contact = true,
+                                       .matrix = DR_MATRIX_CHOLESKY};
+    assert_int_equal(dr_cloth_new(&plan, e->positions, &e->cloth, NULL), DRAPE_OK);
     uint64_t seed = 11;
     for (int i = 0; i < 3 * NODES; i++)
         e->x[i] = e->positions[i] + 5e-4 * test_random(&seed);
