@@ -20,6 +20,7 @@ compare 'methods that come to rest' 0 "$work/job" --methods auto,stop-and-go -m 
     -o "$work/report.html" --csv "$work/rows.csv" --json
 json 'all did' '.methods | length == 3 and all(.outcome == "at-rest")' "$work/out"
 json 'E* is the lowest of them' '.best_energy == ([.methods[].energy] | min) and .best_energy < .start_energy' "$work/out"
+json 'a certified one, as all are' '.certified and (.methods | all(.certified))' "$work/out"
 json 'one minimum' '.minima_differ == false and .starts_differ == false' "$work/out"
 json 'each came within a thousandth before it came to rest' \
     '.methods | all(."to_1e-03".iterations > 0 and ."to_1e-03".iterations <= .to_rest.iterations)' "$work/out"
@@ -39,6 +40,11 @@ like 'its reason is told' "$(<"$work/out")" '/solver/cloths'
 check 'on the page as well' grep -q '/solver/cloths' "$work/report.html"
 like 'the other is there' "$(<"$work/out")" 'auto +at-rest'
 
+compare 'a method that wants no certificate' 0 "$work/job" -m auto:certify=false -m stop-and-go --json
+json 'gets none' '[.methods[].certified] == [false, true]' "$work/out"
+jq -c '.solver.certify = false' "$work/job" >"$work/short"
+compare 'nor does a job' 0 "$work/short" --methods auto --json
+json 'that says so' '[.methods[].certified] == [false]' "$work/out"
 jq -c '.solver.max_iterations = 3' "$work/job" >"$work/short"
 compare 'not at rest' 5 "$work/short" --methods auto
 jq -c '.solver.max_iterations = 0' "$work/job" >"$work/short"
