@@ -20,6 +20,7 @@ static const char *const grid_name[GRID_KINDS] = {"one diagonal", "alternating",
 
 struct grid {
     size_t nx, ny; /* cells; vertex (i, j) has index j (nx + 1) + i, moved or not */
+    size_t still;  /* columns of points that are not moved */
     size_t vertices, triangles;
     double *uv;         /* 2*vertices, m: u in [0, width], v in [0, height] */
     uint32_t *triangle; /* 3*triangles, counter-clockwise */
@@ -60,6 +61,12 @@ static inline double grid_cot(const struct grid *grid, uint32_t p, uint32_t a, u
     return ((A[0] - P[0]) * (B[0] - P[0]) + (A[1] - P[1]) * (B[1] - P[1])) / grid_area2(grid, p, a, b);
 }
 
+/* The line up to which the points were not moved stays a chain of edges, so that it can be a clamp. */
+static inline bool grid_on_clamp(const struct grid *grid, uint32_t a)
+{
+    return grid->still > 0 && a % (grid->nx + 1) == grid->still - 1;
+}
+
 /* One sweep over all edges; returns how many it flipped. An edge is flipped when the opposite angles
  * sum to more than half a turn (their cotangents to less than zero). */
 static inline size_t grid_flip_sweep(struct grid *grid, struct grid_side *side, bool *touched)
@@ -80,6 +87,7 @@ static inline size_t grid_flip_sweep(struct grid *grid, struct grid_side *side, 
         uint32_t k = side[i].corner, p = t[k], a = t[(k + 1) % 3], b = t[(k + 2) % 3],
                  q = s[side[i + 1].corner];
         if (touched[side[i].triangle] || touched[side[i + 1].triangle] ||
+            (grid_on_clamp(grid, a) && grid_on_clamp(grid, b)) ||
             grid_cot(grid, p, a, b) + grid_cot(grid, q, b, a) >= -1e-9)
             continue;
         memcpy(t, (uint32_t[3]){p, a, q}, 3 * sizeof *t);
@@ -105,17 +113,22 @@ static inline void grid_make_delaunay(struct grid *grid)
 
 /* ---- making one ---- */
 
-static inline void grid_place(struct grid *grid, enum grid_kind kind, double width, double height,
-                              size_t still)
+/* u ~ s + 1.5 s^2: slopes 1 to 4 */
+static inline double grid_grading(enum grid_kind kind)
+{
+    return kind == GRID_GRADED ? 1.5 : 0;
+}
+
+static inline void grid_place(struct grid *grid, enum grid_kind kind, double width, double height)
 {
     uint64_t seed = 20240229;
     double amount = kind == GRID_DELAUNAY || kind == GRID_GRADED ? 0.3 : 0;
-    double grading = kind == GRID_GRADED ? 1.5 : 0; /* u ~ s + 1.5 s^2: slopes 1 to 4 */
+    double grading = grid_grading(kind);
     for (size_t j = 0; j <= grid->ny; j++)
         for (size_t i = 0; i <= grid->nx; i++) {
             double r[2] = {test_random(&seed), test_random(&seed)};
             double s[2] = {(double)i / (double)grid->nx, (double)j / (double)grid->ny};
-            if (i >= still && i > 0 && j > 0 && i < grid->nx && j < grid->ny) {
+            if (i >= grid->still && i > 0 && j > 0 && i < grid->nx && j < grid->ny) {
                 s[0] += amount * r[0] / (double)grid->nx;
                 s[1] += amount * r[1] / (double)grid->ny;
             }
@@ -146,12 +159,13 @@ static inline void grid_connect(struct grid *grid, enum grid_kind kind)
 static inline struct grid grid_new(enum grid_kind kind, size_t nx, size_t ny, double width, double height,
                                    size_t still)
 {
-    struct grid grid = {.nx = nx, .ny = ny, .vertices = (nx + 1) * (ny + 1), .triangles = 2 * nx * ny};
+    struct grid grid = {
+        .nx = nx, .ny = ny, .vertices = (nx + 1) * (ny + 1), .triangles = 2 * nx * ny, .still = still};
     grid.uv = malloc(2 * grid.vertices * sizeof *grid.uv);
     grid.triangle = malloc(3 * grid.triangles * sizeof *grid.triangle);
     assert_non_null(grid.uv);
     assert_non_null(grid.triangle);
-    grid_place(&grid, kind, width, height, still);
+    grid_place(&grid, kind, width, height);
     grid_connect(&grid, kind);
     if (kind == GRID_DELAUNAY || kind == GRID_GRADED)
         grid_make_delaunay(&grid);
@@ -161,11 +175,38 @@ static inline struct grid grid_new(enum grid_kind kind, size_t nx, size_t ny, do
     return grid;
 }
 
+/* A strip to be clamped by its first two columns of points, which are not moved: beyond the second, the
+ * clamp line, lie `cells` by `across` cells, `length` long and across/cells of that wide. */
+static inline struct grid grid_strip(enum grid_kind kind, size_t cells, size_t across, double length)
+{
+    /* The first column of cells is 1/(cells + 1) of the whole, or less where the mesh is graded. */
+    double s = 1 / (double)(cells + 1), grading = grid_grading(kind);
+    double first = s * (1 + grading * s) / (1 + grading);
+    return grid_new(kind, cells + 1, across, length / (1 - first), length * (double)across / (double)cells,
+                    2);
+}
+
 static inline void grid_done(struct grid *grid)
 {
     free(grid->uv);
     free(grid->triangle);
     memset(grid, 0, sizeof *grid);
+}
+
+/* Order of convergence: minus the slope of the line through log(error) over log(cells) in the least-squares
+ * sense. On irregular meshes each size is another random mesh with an error of its own luck, so that the
+ * order from one size to the next means little there. */
+static inline double observed_order(size_t sizes, const size_t *cells, const double *error)
+{
+    double x = 0, y = 0, xx = 0, xy = 0, n = (double)sizes;
+    for (size_t i = 0; i < sizes; i++) {
+        double lx = log((double)cells[i]), ly = log(error[i]);
+        x += lx;
+        y += ly;
+        xx += lx * lx;
+        xy += lx * ly;
+    }
+    return -(n * xy - x * y) / (n * xx - x * x);
 }
 
 #endif

@@ -915,6 +915,43 @@ static void test_bend__two_held_rows_clamp_and_one_is_a_hinge(void **state)
     grid_done(&grid);
 }
 
+/* Beyond its clamp a strip bends to (u - u0)^2/2 while the held rows stay flat: up to the last triangle the
+ * curvature is that of the free side. */
+static void test_bend__curvature_is_exact_up_to_a_clamp_on_every_mesh(void **state)
+{
+    (void)state;
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++) {
+        struct grid grid = grid_new(kind, 12, 8, 1, 0.7, 2);
+        bool *held = calloc(grid.vertices, sizeof *held);
+        double *z = numbers(grid.vertices), clamp = grid.uv[2 * (size_t)grid_at(&grid, 1, 0)], worst = 0;
+        assert_non_null(held);
+        hold_columns(&grid, 2, held);
+        struct sheet sheet =
+            sheet_new(grid.vertices, grid.triangles, grid.triangle, NULL, grid.uv, NULL, held, PLATE);
+        size_t touching = 0;
+        for (size_t i = 0; i < grid.vertices; i++)
+            z[i] = pow(fmax(0, grid.uv[2 * i] - clamp), 2) / 2;
+        for (size_t t = 0; t < grid.triangles; t++) {
+            const uint32_t *c = grid.triangle + 3 * t;
+            double K[3];
+            if ((held[c[0]] && held[c[1]] && held[c[2]]) || free_edges(sheet.mesh, t) > 0)
+                continue;
+            touching += held[c[0]] || held[c[1]] || held[c[2]];
+            curvature_of(sheet.bend, t, z, K);
+            for (int r = 0; r < 3; r++)
+                worst = fmax(worst, fabs(K[r] - QUADRATIC_CURVATURE[0][r]));
+        }
+        print_message("  %-16s %zu triangles at the clamp, worst error %.1e\n", grid_name[kind], touching,
+                      worst);
+        assert_true(touching >= 14);
+        assert_true(worst < 1e-11);
+        free(z);
+        free(held);
+        sheet_done(&sheet);
+        grid_done(&grid);
+    }
+}
+
 /* Tip deflection of a strip of length 1 under its weight q = 1 N/m^2, clamped by two held rows,
  * over the exact q L^4 / 8B of a beam (Poisson ratio 0). */
 static double cantilever_tip(enum grid_kind kind, size_t cells)
@@ -1038,6 +1075,7 @@ int main(void)
         cmocka_unit_test(test_bend__limp_cloth_adds_nothing_and_frees_the_edge),
         cmocka_unit_test(test_bend__each_rigidity_resists_its_own_curvature_only),
         cmocka_unit_test(test_bend__two_held_rows_clamp_and_one_is_a_hinge),
+        cmocka_unit_test(test_bend__curvature_is_exact_up_to_a_clamp_on_every_mesh),
         cmocka_unit_test(test_bend__cantilever_tip_converges_with_the_square_of_the_cell),
         cmocka_unit_test(test_bend__every_failed_allocation_is_reported),
     };
