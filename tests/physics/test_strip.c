@@ -37,12 +37,22 @@ static struct hanging hanging_strip(double density, double k, double length)
     return sum;
 }
 
+/* How far below the upper edge the piece at u from it hangs, m: the integral of lambda du, with
+ * du = -dP/(density g) and dP = k/2 (3 lambda^2 - 1) dlambda. */
+static double hanging_depth(double density, double k, double length, double u)
+{
+    double weight = density * GRAVITY;
+    double top = stretch_under(weight * length, k), here = stretch_under(weight * (length - u), k);
+    return k / (2 * weight) * (3 * (pow(top, 4) - pow(here, 4)) / 4 - (top * top - here * here) / 2);
+}
+
 static void test_strip__closed_form_gives_the_papers_11_713_mm(void **state)
 {
     (void)state;
     struct hanging strip = hanging_strip(0.1, 10, 0.5);
     print_message("  tip drop %.5f mm\n", strip.drop * 1e3);
     assert_near(strip.drop, 11.713e-3, 5e-7, 1);
+    assert_near(hanging_depth(0.1, 10, 0.5, 0.5), 0.5 + strip.drop, 1e-12, 1);
 }
 
 /* ---- runs ---- */
@@ -114,9 +124,9 @@ static void check_papers_square(drape_stop_rule rule, double B)
     assert_true(run.report->iterations <= 120);
     assert_true(run.report->stops >= 3);
     assert_true(run.report->state.residual_force <= options.tolerance);
-    assert_near(tip_drop(setup, &run), 11.713e-3, 1e-4, 1);
+    assert_close(tip_drop(setup, &run), strip.drop, 1e-3);
     assert_close(energy->gravity, 0.5 * strip.gravity, 1e-3);
-    assert_close(energy->stretch, 0.5 * strip.stretch, 1e-2);
+    assert_close(energy->stretch, 0.5 * strip.stretch, 1e-3);
     check_energy_never_rises(&run);
     run_done(&run);
     setup_free(setup);
@@ -156,40 +166,80 @@ static void test_strip__papers_square_has_not_rested_after_400_iterations_of_pla
     setup_free(setup);
 }
 
+/* What a square of so many rows gets wrong, relative; lengths over the drop of the tip. */
+struct misfit {
+    double tip, shape, corner; /* the lower edge's mean; RMS and largest of all vertices' heights */
+    double stretch, gravity;   /* energies */
+};
+
+static struct misfit hang_square(enum grid_kind kind, size_t rows, double k)
+{
+    struct setup *setup = square_new(kind, rows, k, 0);
+    const struct grid *grid = &setup->grid;
+    struct hanging exact = hanging_strip(0.1, k, 0.5);
+    drape_options options = drape_options_default();
+    options.tolerance = 1e-6;
+    struct run run = run_new(&setup->desc, &options);
+    assert_int_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
+    struct misfit miss = {.tip = fabs(tip_drop(setup, &run) / exact.drop - 1),
+                          .stretch = fabs(run.report->state.energy.stretch / (0.5 * exact.stretch) - 1),
+                          .gravity = fabs(run.report->state.energy.gravity / (0.5 * exact.gravity) - 1)};
+    for (size_t i = 0; i < grid->vertices; i++) {
+        double off = (run.x[3 * i + 1] + hanging_depth(0.1, k, 0.5, grid->uv[2 * i])) / exact.drop;
+        miss.shape += off * off / (double)grid->vertices;
+        miss.corner = fmax(miss.corner, fabs(off));
+    }
+    miss.shape = sqrt(miss.shape);
+    run_done(&run);
+    setup_free(setup);
+    return miss;
+}
+
+/* From hardly stretched (2e-5) to nearly doubled: the law, not its first order. The largest misfit is that of
+ * a lower corner, whose mass depends on how many triangles meet there; it is shown, not judged. */
 static void test_strip__hangs_as_the_closed_form_says_on_every_mesh(void **state)
 {
     (void)state;
-    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++) {
-        struct setup *setup = square_new(kind, 24, 10, 0);
-        drape_options options = stop_and_go(DRAPE_STOP_ON_POTENTIAL);
-        struct run run = run_new(&setup->desc, &options);
-        print_message("  %-16s tip drop %.4f mm, %u iterations\n", grid_name[kind],
-                      tip_drop(setup, &run) * 1e3, run.report->iterations);
-        assert_int_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
-        assert_near(tip_drop(setup, &run), 11.713e-3, 1e-4, 1);
-        run_done(&run);
-        setup_free(setup);
-    }
+    static const double k[] = {1e4, 100, 10, 1, 0.1};
+    print_message("  20 rows; relative errors (demand 1e-3)\n");
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++)
+        for (size_t i = 0; i < sizeof k / sizeof *k; i++) {
+            struct misfit miss = hang_square(kind, 20, k[i]);
+            print_message("  %-16s k %-6g tip %.1e, shape %.1e (corner %.1e), energy of stretch %.1e, of "
+                          "gravity %.1e\n",
+                          grid_name[kind], k[i], miss.tip, miss.shape, miss.corner, miss.stretch,
+                          miss.gravity);
+            assert_true(miss.tip < 1e-3);
+            assert_true(miss.shape < 1e-3);
+            assert_true(miss.stretch < 1e-3);
+            assert_true(miss.gravity < 1e-3);
+        }
 }
 
-/* From hardly stretched to more than doubled: the law, not its first order. */
-static void test_strip__stretches_by_the_closed_form_from_stiff_to_very_soft(void **state)
+static void test_strip__error_falls_with_the_square_of_the_cell_on_every_mesh(void **state)
 {
     (void)state;
-    const double k[] = {1e4, 100, 1, 0.1};
-    for (size_t i = 0; i < sizeof k / sizeof *k; i++) {
-        struct setup *setup = square_new(GRID_ALTERNATING, 24, k[i], 0);
-        drape_options options = stop_and_go(DRAPE_STOP_ON_KINETIC);
-        options.tolerance = 1e-4;
-        struct run run = run_new(&setup->desc, &options);
-        double drop = tip_drop(setup, &run), expected = hanging_strip(0.1, k[i], 0.5).drop;
-        print_message("  k = %-6g tip drop %.6g mm against %.6g mm, %u iterations\n", k[i], drop * 1e3,
-                      expected * 1e3, run.report->iterations);
-        assert_int_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
-        assert_near(drop, expected, 1e-3, 0.01);
-        run_done(&run);
-        setup_free(setup);
-    }
+    static const double k[] = {1, 0.1};
+    enum { SIZES = 5 };
+    static const size_t rows[SIZES] = {10, 14, 20, 28, 40};
+    print_message("  orders from 10 to 40 rows (demand 1.8)\n");
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++)
+        for (size_t i = 0; i < sizeof k / sizeof *k; i++) {
+            double tip[SIZES], shape[SIZES], energy[SIZES];
+            for (size_t r = 0; r < SIZES; r++) {
+                struct misfit miss = hang_square(kind, rows[r], k[i]);
+                tip[r] = miss.tip;
+                shape[r] = miss.shape;
+                energy[r] = miss.stretch;
+            }
+            double order[] = {observed_order(SIZES, rows, tip), observed_order(SIZES, rows, shape),
+                              observed_order(SIZES, rows, energy)};
+            print_message("  %-16s k %-3g tip %.2f (%.1e to %.1e), shape %.2f, energy of stretch %.2f\n",
+                          grid_name[kind], k[i], order[0], tip[0], tip[SIZES - 1], order[1], order[2]);
+            assert_true(order[0] >= 1.8);
+            assert_true(order[1] >= 1.8);
+            assert_true(order[2] >= 1.8);
+        }
 }
 
 static void test_strip__a_kilometre_away_it_hangs_the_same(void **state)
@@ -230,47 +280,94 @@ static void test_strip__same_scene_gives_the_same_bytes(void **state)
 
 /* ---- held by two opposite edges ---- */
 
-/* Sag of a nearly inextensible strip, over its length; released from a V. */
-static double catenary_sag(enum grid_kind kind, double span)
+/* A chain of length 1 between supports `span` apart has tension 1/(2 sinh z) at its lowest point, in units of
+ * its weight, where sinh(z)/z = 1/span. */
+static double catenary_parameter(double span)
 {
-    enum { CELLS = 40, ACROSS = 6 };
-    const double length = 0.5;
-    struct setup *setup = setup_new(grid_new(kind, CELLS, ACROSS, length, length * ACROSS / CELLS, 0),
-                                    isotropic(0.1, 1e4, 0)); /* stretches by less than 1e-4 */
-    struct grid *grid = &setup->grid;
-    pin_columns(setup, 1);
-    for (size_t j = 0; j <= ACROSS; j++)
-        setup->pin[setup->desc.pins++] = grid_at(grid, CELLS, j);
-    for (size_t i = 0; i < grid->vertices; i++) {
-        double u = grid->uv[2 * i];
-        setup->x[3 * i] = span * u;
-        setup->x[3 * i + 1] = -sqrt(1 - span * span) * fmin(u, length - u);
-    }
-    drape_options options = stop_and_go(DRAPE_STOP_ON_POTENTIAL);
-    options.time_step = 0.1;
-    struct run run = run_new(&setup->desc, &options);
-    assert_int_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
-    double sag = -run.x[3 * (size_t)grid_at(grid, CELLS / 2, ACROSS / 2) + 1] / length;
-    run_done(&run);
-    setup_free(setup);
-    return sag;
+    double z = 3; /* right of the root: Newton descends to it */
+    for (int i = 0; i < 60; i++)
+        z -= (sinh(z) - z / span) / (cosh(z) - 1 / span);
+    return z;
 }
 
-/* Grids only: without bending a strip on an irregular mesh crumples across, up to 2 % off at the middle. */
-static void test_strip__between_two_edges_hangs_as_a_catenary(void **state)
+/* Depth below the supports of the point s from one of them along the chain. */
+static double catenary_depth(double z, double s)
+{
+    double tension = 1 / (2 * sinh(z));
+    return tension * cosh(z) - hypot(tension, s - 0.5);
+}
+
+enum release { FROM_ARC, FROM_V };
+
+/* Lays the strip out without stretching it: on an arc of a circle, or as a V. */
+static void lay_between(struct setup *setup, double length, double span, enum release release)
+{
+    double a = 2; /* half the angle of the arc: sin(a)/a = span */
+    for (int i = 0; i < 60; i++)
+        a -= (sin(a) / a - span) / ((cos(a) - sin(a) / a) / a);
+    for (size_t i = 0; i < setup->grid.vertices; i++) {
+        double u = setup->grid.uv[2 * i], turn = (2 * u / length - 1) * a, radius = length / (2 * a);
+        if (release == FROM_ARC) {
+            setup->x[3 * i] = radius * (sin(a) + sin(turn));
+            setup->x[3 * i + 1] = radius * (cos(a) - cos(turn));
+        } else {
+            setup->x[3 * i] = span * u;
+            setup->x[3 * i + 1] = -sqrt(1 - span * span) * fmin(u, length - u);
+        }
+    }
+}
+
+/* What a nearly inextensible strip of 20 rows without bending gets wrong, over the sag: of the middle row,
+ * each vertex against its own place on the chain, and of all vertices in the RMS. */
+static struct misfit hang_between(enum grid_kind kind, double span, enum release release)
+{
+    enum { ROWS = 20, ACROSS = 6 };
+    const double length = 0.5, z = catenary_parameter(span), sag = catenary_depth(z, 0.5);
+    struct setup *setup = setup_new(grid_new(kind, ROWS, ACROSS, length, length * ACROSS / ROWS, 0),
+                                    isotropic(0.1, 1e4, 0)); /* stretches by less than 1e-4 */
+    const struct grid *grid = &setup->grid;
+    pin_columns(setup, 1);
+    for (size_t j = 0; j <= ACROSS; j++)
+        setup->pin[setup->desc.pins++] = grid_at(grid, ROWS, j);
+    lay_between(setup, length, span, release);
+    drape_options options = drape_options_default();
+    options.tolerance = 1e-4;
+    struct run run = run_new(&setup->desc, &options);
+    assert_int_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
+    struct misfit miss = {0};
+    for (size_t i = 0; i < grid->vertices; i++) {
+        double off = (-run.x[3 * i + 1] / length - catenary_depth(z, grid->uv[2 * i] / length)) / sag;
+        miss.shape += off * off / (double)grid->vertices;
+        if (i % (ROWS + 1) == ROWS / 2)
+            miss.tip += off / (ACROSS + 1);
+    }
+    miss.shape = sqrt(miss.shape);
+    run_done(&run);
+    setup_free(setup);
+    return miss;
+}
+
+/* Released from an arc on every mesh, which is smooth and far from the catenary (its sag is 2 to 13 per cent
+ * less). Released from a V on grids only: on irregular meshes, which cannot bend without stretching a
+ * little, so stiff a strip keeps traces of the crease: another minimum of the energy, up to 2 per cent
+ * off. */
+static void test_strip__between_two_edges_hangs_as_a_catenary_on_every_mesh(void **state)
 {
     (void)state;
-    /* span/L and sag/L: sinh(z)/z = L/span, sag/L = (cosh z - 1)/(2 sinh z) */
-    for (enum grid_kind kind = GRID_ONE; kind <= GRID_ALTERNATING; kind++)
-        for (double span = 0.5; span < 0.95; span += 0.2) {
-            double z = 3; /* right of the root: Newton descends to it */
-            for (int i = 0; i < 60; i++)
-                z -= (sinh(z) - z / span) / (cosh(z) - 1 / span);
-            double expected = (cosh(z) - 1) / (2 * sinh(z)), sag = catenary_sag(kind, span);
-            print_message("  %-16s span %.1f: sag/L %.5f against %.5f\n", grid_name[kind], span, sag,
-                          expected);
-            assert_near(sag, expected, 2e-3, 0);
-        }
+    static const char *const from[] = {"arc", "V"};
+    print_message("  20 rows; errors over the sag (demand 0.5 %%)\n");
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++)
+        for (int i = 0; i < 3; i++)
+            for (enum release release = FROM_ARC; release <= FROM_V; release++) {
+                double span = 0.5 + 0.2 * i;
+                if (release == FROM_V && kind >= GRID_DELAUNAY)
+                    continue;
+                struct misfit miss = hang_between(kind, span, release);
+                print_message("  %-16s span %.1f from %-3s sag %+.3f %%, shape %.3f %%\n", grid_name[kind],
+                              span, from[release], 100 * miss.tip, 100 * miss.shape);
+                assert_true(fabs(miss.tip) < 0.005);
+                assert_true(miss.shape < 0.005);
+            }
 }
 
 int main(void)
@@ -281,10 +378,10 @@ int main(void)
         cmocka_unit_test(test_strip__papers_square_rests_in_120_iterations_by_the_kinetic_rule),
         cmocka_unit_test(test_strip__papers_square_has_not_rested_after_400_iterations_of_plain_dynamics),
         cmocka_unit_test(test_strip__hangs_as_the_closed_form_says_on_every_mesh),
-        cmocka_unit_test(test_strip__stretches_by_the_closed_form_from_stiff_to_very_soft),
+        cmocka_unit_test(test_strip__error_falls_with_the_square_of_the_cell_on_every_mesh),
         cmocka_unit_test(test_strip__a_kilometre_away_it_hangs_the_same),
         cmocka_unit_test(test_strip__same_scene_gives_the_same_bytes),
-        cmocka_unit_test(test_strip__between_two_edges_hangs_as_a_catenary),
+        cmocka_unit_test(test_strip__between_two_edges_hangs_as_a_catenary_on_every_mesh),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
