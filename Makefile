@@ -26,7 +26,7 @@ FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
 ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c \
-           $(wildcard tests/stability/*.c)
+           $(wildcard tests/stability/*.c tests/counts/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -86,6 +86,7 @@ INC_tests/physics  = -iquote tests -iquote solver
 INC_tests/server   = -iquote tests $(INC_server)
 INC_tests/client   = -iquote tests $(INC_client)
 INC_tests/stability = $(INC_tests/physics)
+INC_tests/counts    = -iquote solver
 INC_tests/fuzz     = -iquote tests $(INC_server)
 INC_tests/api      =
 folder = $(patsubst %/,%,$(dir $(1)))
@@ -145,6 +146,24 @@ $(TBIN)/client/%: $(OBJ)/tests/client/%.o $(OBJ)/client.a
 $(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 	$(LINK) -fsanitize=fuzzer $(SERVER_LIBS)
 
+# One program for tests/counts/counts.sh, linked to the whole library and, for each scene, to the objects that
+# the scene needs and stubs in the place of all others. The same shared libraries in all: they shape the heap.
+LEAN_core  := error scene mesh stretch cloth plan sim relax
+LEAN_steps := $(LEAN_core) bend matrix implicit
+LEAN_auto  := $(LEAN_core) bend matrix mixed
+LEAN_rk4   := $(LEAN_core) bend explicit
+LEAN_limp  := $(LEAN_core) matrix implicit
+COUNTS     := whole steps auto rk4 limp
+LEAN_whole := $(SOLVER_SRC:solver/%.c=%)
+$(OBJ)/tests/counts/stubs-%.o: tests/counts/stubs.sh $(SOLVER_OBJ)
+	@mkdir -p $(@D)
+	$(call Q,CC)tests/counts/stubs.sh $(filter-out $(LEAN_$*:%=$(OBJ)/solver/%.o),$(SOLVER_OBJ)) | $(CC) $(OPT) -fno-builtin -x c -c -o $@ -
+define counts_program
+$(TBIN)/counts/$(1): $(OBJ)/tests/counts/driver.o $(OBJ)/tests/counts/stubs-$(1).o $(LEAN_$(1):%=$(OBJ)/solver/%.o)
+	$$(LINK) -Wl,--no-as-needed $$(SOLVER_LIBS)
+endef
+$(foreach c,$(COUNTS),$(eval $(call counts_program,$(c))))
+
 # What the API tests measure a drape with: shares no code with the solver.
 $(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
 	$(LINK) -lm
@@ -152,7 +171,7 @@ $(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
 .SECONDARY:
 
 .PHONY: tests unit-tests fuzzers
-tests: $(TESTS) $(TBIN)/api/measure ## build the unit and physics tests without running them
+tests: $(TESTS) $(TBIN)/api/measure $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
 unit-tests: $(UNIT_TESTS)
 fuzzers: $(FUZZERS)
 

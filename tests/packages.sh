@@ -24,6 +24,7 @@ jq                    the demo and the tests read JSON with it'
 
 check='
 libcmocka-dev         the unit tests
+valgrind              the counts: instructions by function (callgrind)
 clang                 the fuzzers: libFuzzer
 libclang-rt-14-dev    the fuzzers: the sanitizer runtimes of clang
 libomp-14-dev         the fuzzers: the omp.h of clang'

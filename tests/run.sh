@@ -45,7 +45,10 @@ run_parallel() { xargs -0 -r -n 3 -P 2 tests/run_one.sh; }
 
 unit() {
     build release all tests || return
-    programs release solver server client physics | run_parallel
+    {
+        programs release solver server client physics
+        printf '%s\0' "release counts" "$logs/release/counts.log" tests/counts/counts.sh
+    } | run_parallel
 }
 
 # The sanitizers see the units and the whole daemon under a short session of requests. The physics
