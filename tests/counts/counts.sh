@@ -65,6 +65,8 @@ limp       whole  limp backward-euler 14 5
 limp-lean  limp   limp backward-euler 14 5
 sphere     whole  sphere rk4 14 5
 curve      whole  curve rk4 14 5
+at-once    whole  plain at-once 14 1
+certify    whole  plain certify 14 1
 damned     rk4    sphere rk4 14 5
 large      whole  plain rk4 50 3
 LIST
@@ -81,6 +83,10 @@ check 'a sphere far away runs the contact code' calls sphere dr_contact_energy
 check 'a curve costs instructions and bytes' more curve rk4
 check 'a curve runs the code of curves' calls curve dr_curve_at
 check 'without either, neither runs' calls_none steps '(dr_(contact|body|field|winding|curve)_|curved_)'
+check 'a certificate costs instructions and bytes' more certify at-once
+check 'a certificate runs its code' calls certify dr_certify
+check 'without one, none of it runs' calls_none at-once 'dr_(certify|matrix_lower_by_round_off)'
+is 'a certificate not asked for: no byte' "$(bytes_of at-once certificate)" 0
 # libraries NAME: which of the numerical libraries it entered.
 libraries() { sed -nE 's/^c?ob=.*\/lib(cholmod|amd|openblas)[^/]*$/\1/p' "$work/$1/profile" | sort -u | paste -sd ' '; }
 check 'implicit steps factorise' calls steps dr_matrix_factorise
