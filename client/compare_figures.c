@@ -47,8 +47,9 @@ static void note_best(const struct comparison *c, const struct note_taker *taker
     } else {
         say(taker,
             "E* = %.12g J is the lowest energy that any method reached, %.200s; E0 = %.12g J. "
-            "It is uncertified: nothing proves that the cloth cannot hang lower.",
-            c->best, c->from->spec, c->start);
+            "It is uncertified: nothing proves that the cloth cannot hang lower%s.",
+            c->best, c->from->spec, c->start,
+            c->from->at_rest ? "" : ", and that method had not come to rest, so that its minimum lies lower");
     }
     if (!isfinite(c->drop)) {
         say(taker, "No state lies below the start, so that there is no distance to measure.");

@@ -32,7 +32,8 @@ run_scene() {
     figures+=("$out/$name.json")
 }
 
-# What each run took, a/b/c; an E* that no run rests at is known to the comparison's floor only.
+# What each run took, a/b/c. A run that does not rest is measured from the lowest energy reached, be it its own: that
+# flatters it, but only down to the comparison's floor.
 # shellcheck disable=SC2016 # the variables are jq's
 costs='
 def costs: .distance_floor as $floor | .methods[] | [1e-3, 1e-6, 1e-9] as $level
@@ -95,9 +96,9 @@ done
     echo
     cat <<EOF
 a/b/c: factorisations, failed ones included, until \`(E - E*)/(E0 - E*)\` stays below 1e-3, 1e-6 and 1e-9. \`E*\` is the
-energy at which the run itself rests, or the lowest that any method reached where it does not rest. "-": not in
-$most iterations, which the sums count as $most. "+x": it rests in another minimum than the lowest, higher by x of
-\`E0 - E*\`.
+energy at which the run itself rests; where it does not rest, the lowest that any method reached, which flatters it.
+"-": not in $most iterations, which the sums count as $most. "+x": it rests higher than the lowest energy that any
+method reached, by x of \`E0 - E*\`: in another minimum.
 EOF
     echo
     if ((${#figures[@]})); then

@@ -106,6 +106,7 @@ static void test_compare_figures__a_certified_best_says_so(void **state)
     text = text_of(compare_put_table, &c);
     assert_non_null(strstr(text, "No method came to rest"));
     assert_null(strstr(text, "All methods"));
+    assert_non_null(strstr(text, "that method had not come to rest"));
     free(text);
     free_runs(&c);
 }
