@@ -382,6 +382,61 @@ void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const
         hessian_loop(stretch, x, stress, compression, A, false);
 }
 
+/* S_-(p) = (S - its tensile part) grad p, plus F D_- B p with D_- the negative tangents. */
+inlined void left_out_loop(const struct dr_stretch *stretch, const double *x, const double *stress,
+                           const double *p, double *q, const bool curved)
+{
+    const struct dr_mesh *mesh = stretch->mesh;
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const double *grad = mesh->grad + 6 * t, *all = stress + 3 * t;
+        double area = mesh->area[t], pu[3], pv[3], hu[3], hv[3], s[3] = {all[0], all[1], all[2]};
+        tensile_part(s);
+        for (int k = 0; k < 3; k++)
+            s[k] = all[k] - s[k];
+        gradient_of(mesh, t, p, pu, pv);
+        for (int d = 0; d < 3; d++) {
+            hu[d] = s[0] * pu[d] + s[2] * pv[d];
+            hv[d] = s[2] * pu[d] + s[1] * pv[d];
+        }
+        if (curved) {
+            double fu[3], fv[3], e[3], step[3] = {0, 0, 0}, with[3], without[3], unused[3];
+            struct elasticity D;
+            gradient_of(mesh, t, x, fu, fv);
+            green_strain(fu, fv, e);
+            add_strain_step(mesh, t, fu, fv, p, step);
+            curve_response(stretch, mesh->material[t], e, 1, unused, &D);
+            stress_of(&D, step, with);
+            curve_response(stretch, mesh->material[t], e, 0, unused, &D);
+            stress_of(&D, step, without);
+            for (int k = 0; k < 3; k++)
+                with[k] -= without[k];
+            for (int d = 0; d < 3; d++) {
+                hu[d] += with[0] * fu[d] + with[2] * fv[d];
+                hv[d] += with[2] * fu[d] + with[1] * fv[d];
+            }
+        }
+        for (size_t a = 0; a < 3; a++)
+            for (size_t d = 0; d < 3; d++)
+                q[3 * (size_t)mesh->triangle[3 * t + a] + d] +=
+                    area * (hu[d] * grad[2 * a] + hv[d] * grad[2 * a + 1]);
+    }
+}
+
+apart void curved_left_out(const struct dr_stretch *stretch, const double *x, const double *stress,
+                           const double *p, double *q)
+{
+    left_out_loop(stretch, x, stress, p, q, true);
+}
+
+void dr_stretch_left_out(const struct dr_stretch *stretch, const double *x, const double *stress,
+                         const double *p, double *q)
+{
+    if (stretch->curve)
+        curved_left_out(stretch, x, stress, p, q);
+    else
+        left_out_loop(stretch, x, stress, p, q, false);
+}
+
 inlined double second_order_loop(const struct dr_stretch *stretch, const double *x, const double *w,
                                  double *ret_strain, const bool curved)
 {

@@ -36,6 +36,11 @@ void dr_stretch_stress(const struct dr_stretch *stretch, const double *x, const 
 void dr_stretch_hessian(const struct dr_stretch *stretch, const double *x, const double *stress,
                         double compression, struct dr_matrix *A);
 
+/* q += (H(1) - H(0)) p, where H(compression) is what dr_stretch_hessian adds: what positive
+ * semi-definiteness left out. p and q are 3*nodes. */
+void dr_stretch_left_out(const struct dr_stretch *stretch, const double *x, const double *stress,
+                         const double *p, double *q);
+
 /* What a linear step w from x gets wrong about stretch: the energy Q (J) of its second-order strain
  * e2 = (w_u.w_u/2, w_v.w_v/2, w_u.w_v) against the predicted stress, e2'De2/2 summed (x gives D where
  * there are curves). *ret_strain is the

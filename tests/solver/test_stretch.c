@@ -305,6 +305,35 @@ static void test_stretch__curved_hessian_is_positive_semidefinite_anywhere(void 
     }
 }
 
+static void test_stretch__what_the_projection_left_out_is_the_difference_of_the_hessians(void **state)
+{
+    (void)state;
+    double most[2] = {0, 0};
+    for (uint64_t seed = 1; seed <= 40; seed++) {
+        struct membrane m;
+        (seed % 2 ? make : make_curved)(&m, 0.004, seed);
+        double stress[9], p[3 * NODES], q[3 * NODES] = {0}, expected[3 * NODES] = {0};
+        uint64_t random = seed + 1000;
+        dr_stretch_stress(m.stretch, m.x, NULL, stress);
+        for (int i = 0; i < 3 * NODES; i++)
+            p[i] = test_random(&random);
+        for (int whole = 0; whole < 2; whole++) {
+            memset(dense, 0, sizeof dense);
+            dr_stretch_hessian(m.stretch, m.x, stress, whole, NULL);
+            for (int i = 0; i < 3 * NODES; i++)
+                for (int j = 0; j < 3 * NODES; j++)
+                    expected[i] += (whole ? 1 : -1) * dense[i][j] * p[j];
+        }
+        dr_stretch_left_out(m.stretch, m.x, stress, p, q);
+        for (int i = 0; i < 3 * NODES; i++) {
+            assert_near(q[i], expected[i], 1e-11, 1000); /* N/m: the Hessian's entries */
+            most[seed % 2] = fmax(most[seed % 2], fabs(q[i]));
+        }
+        release(&m);
+    }
+    assert_true(most[0] > 10 && most[1] > 10); /* N/m: compression and softening were there */
+}
+
 /* y'Hy for the pull y = v e_y of the unit right triangle stretched by l along the warp, without stress. */
 static double pull_stiffness(const struct dr_stretch *stretch, double l, double compression)
 {
@@ -552,6 +581,7 @@ int main(void)
         cmocka_unit_test(test_stretch__curved_gradient_and_true_hessian_are_the_differences),
         cmocka_unit_test(test_stretch__curved_hessian_in_tension_is_the_difference_of_gradients),
         cmocka_unit_test(test_stretch__curved_hessian_is_positive_semidefinite_anywhere),
+        cmocka_unit_test(test_stretch__what_the_projection_left_out_is_the_difference_of_the_hessians),
         cmocka_unit_test(test_stretch__a_softening_curve_adds_no_negative_stiffness_unless_asked),
         cmocka_unit_test(test_stretch__uniaxial_pulls_reproduce_the_curves),
         cmocka_unit_test(test_stretch__simple_shear_reproduces_its_curve),
