@@ -7,14 +7,17 @@
  *     D e(x + w), whose second-order strain would lock every rotation of stiff cloth. This is Newton on
  *     displacements and stresses (Hellinger-Reissner) with the stresses condensed out, the
  *     mixed-integration-point Newton of the shell literature (Magisano, Leonetti, Garcea).
- *  2. The compressive part of that stress, dropped to keep H positive semi-definite, is blended back as far
- *     as Cholesky succeeds: wrinkles then move in whole steps, and the end is quadratic.
+ *  2. H is the true Hessian, whose compressive stress makes wrinkles move in whole steps and the end
+ *     quadratic, wherever the last step was smooth. It is factorised where it is positive definite. Elsewhere
+ *     its positive semi-definite part H+ is, and conjugate gradients with that factor go from H+ to H: a few
+ *     back-solves, no further factor. Negative curvature among them is the way off a saddle, and is followed
+ *     as far as the step may turn the cloth (Steihaug, SIAM J. Numer. Anal. 20, 1983).
  *  3. A step is judged by the decrease of energy without the known second-order stretch Q of the step, so
  *     that the energy may peak on the way and the following steps remove it.
  *
  * A watchdog goes back to the best state when nothing has improved for long; the third time stop-and-go
- * takes over. Constants: found on 14 of 22 scenes (squares, skirts, arcs, folds, noise; 10 to 10 000 N/m),
- * `make bench-methods` runs them all. */
+ * takes over. Constants: found on 22 scenes (squares, skirts, arcs, folds, noise; 10 to 10 000 N/m) at first
+ * h of 5, 20 and 50 ms; `make bench-methods` runs them. */
 #include <math.h>
 #include <string.h>
 
@@ -24,18 +27,34 @@
 #define FIRST_H_MAX   0.05
 #define H_MAX         0.2 /* s, about sqrt(height/g); free once the whole true Hessian is positive definite */
 #define GROWTH        2   /* of h after a step that the model foresaw */
-#define SMOOTH        0.02 /* strain of the last step below which blending is tried */
+#define SMOOTH        0.02 /* strain of the last step below which the true Hessian is used */
 #define GOOD_FIT      0.25 /* actual over predicted decrease */
 #define BAD_FIT       (-2.0)
-#define MOST_REJECTED 4  /* steps in a row; then one is taken as it is */
-#define PATIENCE      60 /* iterations without a better state until the watchdog bites */
-#define CAUTIOUS      20 /* iterations without blending after it */
+#define MOST_REJECTED 4    /* steps in a row; then one is taken as it is */
+#define WAIT          2    /* iterations, this one included, without Cholesky on H after it failed */
+#define MOST_CG       10   /* conjugate gradient steps */
+#define CG_PRECISION  0.1  /* of the preconditioned residual, relative */
+#define FLAT          1e-3 /* curvature along a direction, relative to that of H+, that counts as negative */
+#define FIRST_LIMIT   0.05 /* strain at which a corrected step is cut: the threads turn by 0.3 rad */
+#define LIMIT_MIN     1e-5
+#define LIMIT_MAX     0.1
+#define LIMIT_FIT     0.5 /* fit of a cut step from which the limit grows */
+#define PATIENCE      60  /* iterations without a better state until the watchdog bites */
+#define CAUTIOUS      20  /* iterations with H+ alone after it */
 #define MOST_BITES    3
 #define MOST_ATTEMPTS 8 /* at a factor */
+
+/* The method's own arrays: residual, direction p, A+ p, and what the projection dropped, times p. */
+enum { RESIDUAL, DIRECTION, KEPT, DROPPED, ARRAYS };
 
 static double first_h(const struct dr_state *s)
 {
     return fmin(fmax(s->sim->options.time_step, FIRST_H_MIN), FIRST_H_MAX);
+}
+
+static bool smooth(const struct dr_state *s)
+{
+    return !s->cautious && s->strain < SMOOTH && s->ratio > GOOD_FIT;
 }
 
 static drape_status try_factor(struct dr_state *s, drape_error *reterr)
@@ -43,19 +62,16 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
     bool definite;
     drape_status status;
     dr_matrix_set_base(s->cloth->A, 1 / (s->h * s->h));
-    s->blended = s->pivot_failed = false;
-    if (!s->wait && s->strain < SMOOTH && s->ratio > GOOD_FIT) {
-        status = dr_state_factorise(s, s->compression, &s->blended, reterr);
-        if (status < 0 || s->gave_up)
+    s->whole = s->pivot_failed = false;
+    if (smooth(s) && !s->wait && !s->negative) {
+        status = dr_state_factorise(s, 1, &s->whole, reterr);
+        if (status < 0 || s->whole || s->gave_up)
             return status;
-        s->pivot_failed = !s->blended;
-        s->compression = s->blended ? fmin(1, s->compression + 0.25) : s->compression / 2;
-        s->wait = s->blended ? 0 : 2; /* this iteration and the next */
+        s->pivot_failed = true;
+        s->wait = WAIT;
     }
     if (s->wait)
         s->wait--;
-    if (s->blended)
-        return DRAPE_OK;
     for (int attempt = 0; attempt < MOST_ATTEMPTS; attempt++) {
         status = dr_state_factorise(s, 0, &definite, reterr);
         if (status < 0 || definite || s->gave_up)
@@ -67,20 +83,114 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
     return DRAPE_OK;
 }
 
+/* How far a move turns or stretches any thread: its largest gradient, a norm. */
+static double turn(const struct dr_state *s, const double *move)
+{
+    double strain;
+    dr_stretch_second_order(s->cloth->stretch, s->x, move, &strain);
+    return sqrt(2 * strain);
+}
+
+/* Curvature of the model with the true Hessian along DIRECTION; leaves DROPPED. */
+static double curvature(struct dr_state *s, double kept)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    double *dropped = s->extra[DROPPED];
+    memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
+    dr_stretch_left_out(s->cloth->stretch, s->x, s->cloth->stress, s->extra[DIRECTION], dropped);
+    return kept + dr_state_dot(s, s->extra[DIRECTION], dropped);
+}
+
+/* w += length p, RESIDUAL with it. */
+static void go_along(struct dr_state *s, double length)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    for (size_t i = 0; i < 3 * mesh->nodes; i++) {
+        if (mesh->held[i / 3])
+            continue;
+        s->w[i] += length * s->extra[DIRECTION][i];
+        s->extra[RESIDUAL][i] -= length * (s->extra[KEPT][i] + s->extra[DROPPED][i]);
+    }
+}
+
+/* From w = A+^-1 f, with A+ = M/h^2 + H+ factorised, towards A^-1 f with the true Hessian in A: conjugate
+ * gradients on A, preconditioned by A+. As A+ z = r is known, A+ p follows by recurrence, and only A - A+ is
+ * ever multiplied. They end where precise enough, where the step would turn a thread past the limit, or on
+ * negative curvature, which is followed up to the limit. The first step is never cut below A+^-1 f. */
+static drape_status correct(struct dr_state *s, drape_error *reterr)
+{
+    size_t count = 3 * s->cloth->mesh->nodes;
+    double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *kept = s->extra[KEPT];
+    double *z = s->x_next; /* free until the move */
+    memcpy(r, s->f, count * sizeof *r);
+    memcpy(kept, s->f, count * sizeof *kept);
+    memcpy(p, s->w, count * sizeof *p);
+    memset(s->w, 0, count * sizeof *s->w);
+    s->corrected = true;
+    s->cut = s->negative = false;
+    double rz = dr_state_dot(s, r, p), first = rz;
+    for (int k = 0; k < MOST_CG && rz > CG_PRECISION * CG_PRECISION * first; k++) {
+        if (k) {
+            drape_status status = dr_state_solve(s, 1, (const double *[]){r}, (double *[]){z}, reterr);
+            if (status < 0)
+                return status;
+            s->solves++;
+            double last = rz;
+            rz = dr_state_dot(s, r, z);
+            if (!(rz > CG_PRECISION * CG_PRECISION * first))
+                break;
+            for (size_t i = 0; i < count; i++) {
+                p[i] = z[i] + rz / last * p[i];
+                kept[i] = r[i] + rz / last * kept[i];
+            }
+        }
+        double along = dr_state_dot(s, p, kept), curved = curvature(s, along);
+        double most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
+        s->negative = curved <= FLAT * along;
+        s->cut = s->negative || rz > most * curved;
+        go_along(s, s->cut ? most : rz / curved);
+        if (s->cut)
+            break;
+    }
+    return DRAPE_OK;
+}
+
+static void begin(struct dr_state *s)
+{
+    s->h = first_h(s);
+    s->limit = FIRST_LIMIT;
+    s->ratio = 1;
+    s->lowest = s->lowest_force = INFINITY;
+}
+
+/* The model's decrease f.w - w'Hw/2, with w'(M/h^2 + H)w = (f - r).w where r is the residual. */
+static double predict(const struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    long double inertia = 0;
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        inertia += mesh->mass[i / 3] * s->w[i] * s->w[i]; /* w is zero on held nodes */
+    double left = s->corrected ? dr_state_dot(s, s->extra[RESIDUAL], s->w) : 0;
+    return 0.5 * (dr_state_dot(s, s->f, s->w) + left + (double)inertia / (s->h * s->h));
+}
+
 static drape_status assess(struct dr_state *s, drape_error *reterr)
 {
-    if (!s->row.iteration) {
-        s->h = first_h(s);
-        s->compression = 0.5;
-        s->ratio = 1;
-        s->lowest = s->lowest_force = INFINITY;
-    }
+    if (!s->row.iteration)
+        begin(s);
     drape_status status = try_factor(s, reterr);
     if (status < 0 || s->gave_up)
         return status;
     status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
+    s->solves = 1;
     s->row.residual_energy = 0.5 * dr_state_dot(s, s->f, s->w);
     s->row.time_step = s->h;
+    s->corrected = s->cut = false;
+    if (status >= 0 && !s->whole && smooth(s))
+        status = correct(s, reterr);
+    s->predicted = predict(s);
+    if (s->cautious)
+        s->cautious--;
     return status;
 }
 
@@ -104,10 +214,12 @@ static drape_status bite(struct dr_state *s, drape_error *reterr)
     dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
     dr_stretch_stress(s->cloth->stretch, s->x, NULL, s->cloth->stress);
     s->h = first_h(s);
-    s->strain = s->compression = 0;
+    s->limit = FIRST_LIMIT;
+    s->strain = 0;
     s->ratio = 1;
-    s->wait = CAUTIOUS;
-    s->rejected = 0;
+    s->cautious = CAUTIOUS;
+    s->wait = s->rejected = 0;
+    s->negative = false;
     s->lowest_at = s->row.iteration + 1;
     s->lowest_force = INFINITY;
     if (++s->bites < MOST_BITES)
@@ -117,54 +229,52 @@ static drape_status bite(struct dr_state *s, drape_error *reterr)
     return dr_state_hand_over(s, &dr_backward_euler, reterr);
 }
 
+/* Sets h and the limit for the next step by how this one fitted; false: it is not to be taken. */
+static bool adapt(struct dr_state *s, double size)
+{
+    bool noise = s->predicted < 1e-13 * size; /* below round-off the force alone decides */
+    if (noise)
+        s->ratio = 1;
+    bool rejected = s->ratio < BAD_FIT && s->rejected < MOST_REJECTED;
+    s->rejected = rejected ? s->rejected + 1 : 0;
+    if (s->ratio < GOOD_FIT)
+        s->h = fmax(first_h(s) / 4, s->h / (rejected ? 4 : 2));
+    else if (noise || !s->pivot_failed)
+        s->h *= GROWTH;
+    if (!s->whole)
+        s->h = fmin(s->h, H_MAX);
+    if (s->corrected && s->ratio < GOOD_FIT)
+        s->limit = fmax(s->limit / 4, LIMIT_MIN);
+    else if (s->cut && s->ratio > LIMIT_FIT)
+        s->limit = fmin(s->limit * 2, LIMIT_MAX);
+    return !rejected;
+}
+
 static drape_status advance(struct dr_state *s, drape_error *reterr)
 {
-    const struct dr_mesh *mesh = s->cloth->mesh;
     const drape_energies *here = &s->row.energy;
-    size_t count = 3 * mesh->nodes;
+    size_t count = 3 * s->cloth->mesh->nodes;
     double began = dr_clock(), size = here->stretch + here->bend + fabs(here->gravity);
     drape_status status = DRAPE_OK;
     drape_energies there = {0};
 
     if (!improved(s, size))
         return bite(s, reterr);
-    long double inertia = 0;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i++)
         s->x_next[i] = s->x[i] + s->w[i];
-        inertia += mesh->mass[i / 3] * s->w[i] * s->w[i]; /* w is zero on held nodes */
-    }
-    /* The model's decrease f.w - w'Hw/2, with w'Hw = f.w - |w|^2_M/h^2. */
-    double predicted = s->row.residual_energy + 0.5 * (double)inertia / (s->h * s->h);
     double false_stretch = dr_stretch_second_order(s->cloth->stretch, s->x, s->w, &s->strain);
     double potential = dr_cloth_energy(s->cloth, s->x_next, &there, s->f_next);
-    s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / predicted : -INFINITY;
-
-    if (predicted < 1e-13 * size) { /* below round-off: the force alone decides */
-        s->rejected = 0;
-        s->ratio = 1;
-        s->h *= GROWTH;
-    } else if (s->ratio < BAD_FIT && s->rejected < MOST_REJECTED) {
-        s->rejected++;
-        s->h = fmax(first_h(s) / 4, s->h / 4);
-        goto done;
-    } else {
-        s->rejected = 0;
-        if (s->ratio < GOOD_FIT)
-            s->h = fmax(first_h(s) / 4, s->h / 2);
-        else if (!s->pivot_failed)
-            s->h *= GROWTH;
+    s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
+    if (adapt(s, size)) {
+        if (isfinite(potential))
+            dr_state_arrive(s, &there);
+        else
+            status = bite(s, reterr);
     }
-    if (s->h > H_MAX && !(s->blended && s->compression == 1))
-        s->h = H_MAX;
-    if (isfinite(potential))
-        dr_state_arrive(s, &there);
-    else
-        status = bite(s, reterr);
-
-done:
-    s->row.linear_iterations = 1;
+    s->row.linear_iterations = s->solves;
     s->sim->stage[DR_STAGE_MOVE] += dr_clock() - began;
     return status;
 }
 
-const struct dr_method dr_mixed = {.matrix = DR_MATRIX_CHOLESKY, .assess = assess, .advance = advance};
+const struct dr_method dr_mixed = {
+    .matrix = DR_MATRIX_CHOLESKY, .extra = ARRAYS, .assess = assess, .advance = advance};

@@ -32,6 +32,9 @@ drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *meth
     s->method = method;
     if (method->moves)
         dr_plan_keep(&s->sim->plan, DR_TERM_VELOCITIES);
+    for (size_t i = 0; i < DR_MAX_EXTRA; i++)
+        if (s->extra[i])
+            memset(s->extra[i], 0, 3 * s->sim->plan.welded.mesh->nodes * sizeof *s->extra[i]);
     return allocate(s) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
@@ -265,7 +268,9 @@ static void note_bytes(struct dr_state *s)
     size_t array = 3 * s->cloth->mesh->nodes * sizeof(double), bytes[DR_TERMS] = {0};
     bytes[DR_TERM_STATE] = 5 * array;
     bytes[DR_TERM_CERTIFICATE] = s->certificate_bytes;
-    bytes[DR_TERM_VELOCITIES] = ((s->v != NULL) + s->method->extra) * array;
+    bytes[DR_TERM_VELOCITIES] = (s->v != NULL) * array;
+    for (size_t i = 0; i < DR_MAX_EXTRA; i++)
+        bytes[s->method->moves ? DR_TERM_VELOCITIES : DR_TERM_STATE] += (s->extra[i] != NULL) * array;
     dr_cloth_bytes(s->cloth, bytes);
     dr_plan_hold(&s->sim->plan, DRAPE_PHASE_DRAPING, bytes);
 }

@@ -52,11 +52,16 @@ struct dr_state { /* arrays are 3*nodes */
 
     /* mixed.c */
     double h;                    /* s: the regularisation M/h^2 */
-    double compression;          /* share of the compressive stress to blend back next */
+    double limit;                /* second-order strain at which a corrected step is cut */
+    double predicted;            /* J: decrease of energy by the model */
     double strain, ratio;        /* of the last step: second-order strain; actual over predicted decrease */
-    unsigned wait;               /* iterations until blending is tried again */
+    unsigned wait;               /* iterations until Cholesky on the true Hessian is tried again */
+    unsigned cautious;           /* iterations left with the projected Hessian only */
     unsigned rejected;           /* steps in a row */
-    bool blended, pivot_failed;  /* this iteration's factor */
+    bool whole, pivot_failed;    /* this iteration's factor: of the true Hessian; that was tried in vain */
+    bool corrected, cut;         /* this iteration's step: by conjugate gradients; up to the limit */
+    bool negative;               /* they last met negative curvature */
+    uint32_t solves;             /* back-solves of this iteration's step */
     double lowest, lowest_force; /* potential (J) and residual force so far, and the iteration that last */
     uint32_t lowest_at;          /* brought either down */
     unsigned bites;              /* of the watchdog */
