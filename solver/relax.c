@@ -266,11 +266,12 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
 static void note_bytes(struct dr_state *s)
 {
     size_t array = 3 * s->cloth->mesh->nodes * sizeof(double), bytes[DR_TERMS] = {0};
+    bool conjugate = s->sim->plan.term[DR_TERM_CONJUGATE_GRADIENTS].kept;
     bytes[DR_TERM_STATE] = 5 * array;
     bytes[DR_TERM_CERTIFICATE] = s->certificate_bytes;
     bytes[DR_TERM_VELOCITIES] = (s->v != NULL) * array;
     for (size_t i = 0; i < DR_MAX_EXTRA; i++)
-        bytes[s->method->moves ? DR_TERM_VELOCITIES : DR_TERM_STATE] += (s->extra[i] != NULL) * array;
+        bytes[conjugate ? DR_TERM_CONJUGATE_GRADIENTS : DR_TERM_VELOCITIES] += (s->extra[i] != NULL) * array;
     dr_cloth_bytes(s->cloth, bytes);
     dr_plan_hold(&s->sim->plan, DRAPE_PHASE_DRAPING, bytes);
 }

@@ -4,9 +4,6 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
-# What every job asks of the solver beside what its bench says. To take E* from certified minima: {"certify": true}
-SOLVER='{}'
-
 me=$(basename "$0" .sh)
 work=$(mktemp -d "${TMPDIR:-/tmp}/draped-bench.XXXXXX")
 pid='' url=''
@@ -55,8 +52,8 @@ compare() {
     local name=$1 job=$2 members=$3 method methods=() status=0
     shift 3
     for method in "$@"; do methods+=(--method "$method"); done
-    jq -c --arg name "$name" --argjson members "$members" --argjson more "$SOLVER" \
-        '.name = $name | .solver = $members + $more' "$job" >"$work/compare.job"
+    jq -c --arg name "$name" --argjson members "$members" \
+        '.name = $name | .solver = $members' "$job" >"$work/compare.job"
     say "$name: $# methods"
     build/drape compare "$work/compare.job" "${methods[@]}" --quiet --json \
         -o "$out/$name.html" --csv "$out/$name.csv" >"$out/$name.json" || status=$?

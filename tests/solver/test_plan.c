@@ -131,7 +131,9 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
         strcat(strcat(term->kept ? kept : left_out, " "), term->name);
     }
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
-    assert_string_equal(left_out, " strain-stress-curves contact friction self-contact sewing certificate");
+    assert_string_equal(
+        left_out,
+        " strain-stress-curves contact friction self-contact sewing conjugate-gradients certificate");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -200,7 +202,7 @@ static void test_plan__a_change_moves_its_own_terms_alone(void **state)
         {take_gravity, " gravity"},
         {take_integrator, " jacobian geometric-stiffness velocities"},
         {take_quasi_static, " velocities"},
-        {take_auto, " velocities"},
+        {take_auto, " velocities conjugate-gradients"},
         {take_newton, " jacobian velocities"},
         {ask_for_more_iterations, " trace"},
     };
