@@ -36,6 +36,7 @@
 #define CG_PRECISION  0.1  /* of the preconditioned residual, relative */
 #define FLAT          1e-3 /* curvature along a direction, relative to that of H+, that counts as negative */
 #define FIRST_LIMIT   0.05 /* strain at which a corrected step is cut: the threads turn by 0.3 rad */
+#define WORTH         100  /* false stretch over predicted decrease: the next step leaves about 1/100 of it */
 #define LIMIT_MIN     1e-5
 #define LIMIT_MAX     0.1
 #define LIMIT_FIT     0.5 /* fit of a cut step from which the limit grows */
@@ -113,6 +114,23 @@ static void go_along(struct dr_state *s, double length)
     }
 }
 
+/* How far to go along DIRECTION, `most` or a half, a quarter... of it, down to `least`: a false stretch of
+ * more than the decrease is worth would undo it. `slope` is what the model gains per length there. */
+static double worthwhile(struct dr_state *s, double most, double least, double slope, double curved)
+{
+    size_t count = 3 * s->cloth->mesh->nodes;
+    double *end = s->x_next, strain; /* free until the move */
+    double so_far = 0.5 * (dr_state_dot(s, s->f, s->w) + dr_state_dot(s, s->extra[RESIDUAL], s->w));
+    for (; most > least; most /= 2) {
+        for (size_t i = 0; i < count; i++)
+            end[i] = s->w[i] + most * s->extra[DIRECTION][i];
+        double decrease = so_far + most * (slope - 0.5 * most * curved);
+        if (dr_stretch_second_order(s->cloth->stretch, s->x, end, &strain) <= WORTH * decrease)
+            return most;
+    }
+    return least;
+}
+
 /* From w = A+^-1 f, with A+ = M/h^2 + H+ factorised, towards A^-1 f with the true Hessian in A: conjugate
  * gradients on A, preconditioned by A+. As A+ z = r is known, A+ p follows by recurrence, and only A - A+ is
  * ever multiplied. They end where precise enough, where the step would turn a thread past the limit, or on
@@ -148,6 +166,8 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
         double most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
         s->negative = curved <= FLAT * along;
         s->cut = s->negative || rz > most * curved;
+        if (s->cut)
+            most = worthwhile(s, most, k ? most / 1024 : 1, rz, curved);
         go_along(s, s->cut ? most : rz / curved);
         if (s->cut)
             break;
