@@ -8,8 +8,11 @@ table=build/bench-methods.md
 scenes=${SCENES:-*}
 most=300 # iterations of a run, and what a level that is never reached counts in the sums
 members='{"tolerance": 1e-6, "max_iterations": '$most', "time_limit_s": 1200, "time_step": 0.02}'
-ways=(auto stop-and-go:stop_on=kinetic stop-and-go:stop_on=potential dynamic newton:line_search=true)
-head='| auto | stop-and-go, kinetic | stop-and-go, potential | dynamic | newton, line search |'
+ways=(auto stop-and-go:stop_on=kinetic stop-and-go:stop_on=potential velocity-correction dynamic quasi-static
+    newton:line_search=true newton)
+head='| auto | stop-and-go, kinetic | stop-and-go, potential | velocity-correction | dynamic | quasi-static '
+head+='| newton, line search | newton |'
+ruler="|$(printf ' --- |%.0s' auto "${ways[@]}")"
 
 mkdir -p "$out"
 start_daemon
@@ -45,7 +48,7 @@ def place: if .outcome == "at-rest" and .other_minimum then " +\(.distance | pow
 
 print_scenes() {
     echo "| scene, N/m, N m $head"
-    echo '| --- | --- | --- | --- | --- | --- |'
+    echo "$ruler"
     jq -r "$costs"' [[costs | map(. // "-") | join("/")], [.methods[] | place]] | transpose | map(add)
         | "| \(input_filename | split("/")[-1] | rtrimstr(".json") | split("-")
                | .[0] + " " + .[1] + " " + (.[2:] | join("-"))) | \(join(" | ")) |"' "$@"
@@ -53,7 +56,7 @@ print_scenes() {
 
 print_sums() {
     echo "| $head"
-    echo '| --- | --- | --- | --- | --- | --- |'
+    echo "$ruler"
     jq -nr --argjson most "$most" "$costs"' [inputs | [costs | map(. // $most)]] | transpose
         | map(transpose | map(add)) | transpose as [$a, $b, $c]
         | ["1e-3", $a], ["1e-6", $b], ["1e-9", $c] | "| to \(.[0]) | \(.[1] | map(tostring) | join(" | ")) |"' "$@"
