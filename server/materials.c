@@ -23,57 +23,57 @@
     "Hand "                                                                                                  \
     "Evaluation, 1980), not a measurement of one cloth"
 
-/* No preset has a strain-stress curve, so the last three of each are empty. */
+/* No preset has a strain-stress curve, and none a friction of its own, so the last four of each are empty. */
 static const struct material_preset PRESET[] = {
     {"cotton-poplin",
      "shirting, plain weave, 150 g/m2",
      "density and Poisson ratio of a cotton: " P14 "; bending of a cotton broadcloth: " M15
      "; stretch and shear " KES,
-     {0.1503, 2000, 3000, 45, 0.243, 1.157e-5, 1.157e-5, 0.579e-5, {0}, {0}, {0}}},
+     {0.1503, 2000, 3000, 45, 0.243, 1.157e-5, 1.157e-5, 0.579e-5, {0}, {0}, {0}, 0}},
     {"cotton-twill",
      "trouser weight, twill 3/1, 249 g/m2",
      "density of a polyester/cotton 50/50 twill 3/1: " VT18 "; the rest " KES,
-     {0.2489, 2500, 4000, 60, 0.2, 2.0e-5, 3.0e-5, 1.25e-5, {0}, {0}, {0}}},
+     {0.2489, 2500, 4000, 60, 0.2, 2.0e-5, 3.0e-5, 1.25e-5, {0}, {0}, {0}, 0}},
     {"denim",
      "cotton twill of 12 oz/yd2, 407 g/m2",
      "density is the nominal weight; the rest " KES,
-     {0.407, 4000, 6000, 120, 0.2, 5.0e-5, 9.0e-5, 3.5e-5, {0}, {0}, {0}}},
+     {0.407, 4000, 6000, 120, 0.2, 5.0e-5, 9.0e-5, 3.5e-5, {0}, {0}, {0}, 0}},
     {"linen",
      "plain weave, 170 g/m2",
      "density is the nominal weight; the rest " KES,
-     {0.170, 3000, 3500, 35, 0.2, 1.8e-5, 2.2e-5, 1.0e-5, {0}, {0}, {0}}},
+     {0.170, 3000, 3500, 35, 0.2, 1.8e-5, 2.2e-5, 1.0e-5, {0}, {0}, {0}, 0}},
     {"wool-tropical",
      "light suiting, plain weave, 178 g/m2",
      "bending of a wool tropical: " M15 "; density of a wool/lycra cloth: " P14 "; the rest " KES,
-     {0.1782, 1200, 1800, 35, 0.2, 6.57e-6, 6.57e-6, 3.29e-6, {0}, {0}, {0}}},
+     {0.1782, 1200, 1800, 35, 0.2, 6.57e-6, 6.57e-6, 3.29e-6, {0}, {0}, {0}, 0}},
     {"wool-suiting",
      "worsted suiting, 235 g/m2",
      "density and Poisson ratio of a wool cloth: " P14 "; the rest " KES,
-     {0.2348, 1200, 1800, 40, 0.277, 9.0e-6, 1.2e-5, 5.3e-6, {0}, {0}, {0}}},
+     {0.2348, 1200, 1800, 40, 0.277, 9.0e-6, 1.2e-5, 5.3e-6, {0}, {0}, {0}, 0}},
     {"silk-charmeuse",
      "satin of 16 momme, 69 g/m2",
      "density is the nominal weight; the rest " KES,
-     {0.0694, 1500, 2500, 15, 0.2, 1.2e-6, 2.0e-6, 0.8e-6, {0}, {0}, {0}}},
+     {0.0694, 1500, 2500, 15, 0.2, 1.2e-6, 2.0e-6, 0.8e-6, {0}, {0}, {0}, 0}},
     {"polyester-faille",
      "light dress cloth with a fine rib, 110 g/m2",
      "bending of a polyester faille: " M15 "; density is of the usual size; the rest " KES,
-     {0.110, 1500, 2500, 18, 0.2, 1.863e-6, 1.863e-6, 0.932e-6, {0}, {0}, {0}}},
+     {0.110, 1500, 2500, 18, 0.2, 1.863e-6, 1.863e-6, 0.932e-6, {0}, {0}, {0}, 0}},
     {"polyester-plain",
      "plain weave, 165 g/m2",
      "density and Poisson ratio of a polyester cloth: " P14 "; the rest " KES,
-     {0.1646, 2000, 3000, 30, 0.381, 5.0e-6, 7.0e-6, 3.0e-6, {0}, {0}, {0}}},
+     {0.1646, 2000, 3000, 30, 0.381, 5.0e-6, 7.0e-6, 3.0e-6, {0}, {0}, {0}, 0}},
     {"cotton-jersey",
      "single jersey knit, 160 g/m2",
      "density is the nominal weight; the rest " KES
      "; a knit stretches an order of magnitude more than a weave",
-     {0.160, 150, 300, 40, 0.2, 2.0e-6, 4.0e-6, 1.5e-6, {0}, {0}, {0}}},
+     {0.160, 150, 300, 40, 0.2, 2.0e-6, 4.0e-6, 1.5e-6, {0}, {0}, {0}, 0}},
     {"paper-test",
      "the test cloth of the stop-and-go paper, 100 g/m2 and 10 N/m",
      "density and stretch: Volino and Magnenat-Thalmann, Stop-and-go cloth draping, The Visual Computer "
      "(2007); "
      "isotropic with Poisson ratio 0, and hardly any bending (1e-6 N m), which is our choice: no real cloth "
      "stretches as easily",
-     {0.1, 10, 10, 5, 0, 1.0e-6, 1.0e-6, 0.5e-6, {0}, {0}, {0}}},
+     {0.1, 10, 10, 5, 0, 1.0e-6, 1.0e-6, 0.5e-6, {0}, {0}, {0}, 0}},
 };
 
 const struct material_preset *materials_all(size_t *ret_count)

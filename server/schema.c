@@ -37,6 +37,7 @@ static const struct range POSITIVE = {DBL_MIN, DBL_MAX, "must be > 0"};
 /* A vertex in free fall is out of balance by its weight: no larger tolerance tells rest from motion. */
 static const struct range TOLERANCE = {DBL_MIN, 1, "must be > 0 and at most 1"};
 static const struct range NOT_NEGATIVE = {0, DBL_MAX, "must be >= 0"};
+static const struct range FRICTION = {0, DRAPE_MAX_FRICTION, "must be between 0 and 10"};
 static const struct range ANY = {-DBL_MAX, DBL_MAX, ""};
 
 /* ---- members of an object ------------------------------------------------------------------- */
@@ -153,17 +154,6 @@ static int refuse_present(struct reader *r, const json_t *object, const char *po
     if (!json_object_get(object, member))
         return 0;
     return refuse(r, PROBLEM_UNSUPPORTED, pointer, member, "is not done in this version");
-}
-
-/* A number whose only value done in this version is 0. */
-static int get_zero(struct reader *r, const json_t *object, const char *pointer, const char *member)
-{
-    double value = 0;
-    if (get_number(r, object, pointer, member, &NOT_NEGATIVE, &value))
-        return -1;
-    if (value > 0)
-        return refuse(r, PROBLEM_UNSUPPORTED, pointer, member, "only 0 is done in this version");
-    return 0;
 }
 
 static void element_pointer(char *ret, size_t size, const char *array, size_t i)
@@ -397,12 +387,14 @@ static int fill_material(struct reader *r, const char *pointer, drape_material *
 static int read_material(struct reader *r, const json_t *object, const char *pointer, double **points,
                          drape_material *ret)
 {
-    static const char *const MEMBERS[] = {"preset", "density", "stretch", "poisson", "bend", NULL};
+    static const char *const MEMBERS[] = {"preset", "density",  "stretch", "poisson",
+                                          "bend",   "friction", NULL};
     static const struct range POISSON = {-1 + DBL_EPSILON, 1 - DBL_EPSILON, "must be between -1 and 1"};
     *ret = UNKNOWN;
     if (check_object(r, object, pointer, MEMBERS) || read_preset(r, object, pointer, ret) ||
         get_number(r, object, pointer, "density", &POSITIVE, &ret->density) ||
         get_number(r, object, pointer, "poisson", &POISSON, &ret->poisson) ||
+        get_number(r, object, pointer, "friction", &FRICTION, &ret->friction) ||
         read_stretch(r, object, pointer, points, ret) || read_bend(r, object, pointer, ret))
         return -1;
     return fill_material(r, pointer, ret);
@@ -557,7 +549,8 @@ static int read_body(struct reader *r, const json_t *object, const char *pointer
                                           "motion", "motion_seconds", "friction", NULL};
     ret->offset = DRAPE_DEFAULT_OFFSET;
     if (check_object(r, object, pointer, MEMBERS) || refuse_present(r, object, pointer, "motion") ||
-        refuse_present(r, object, pointer, "motion_seconds") || get_zero(r, object, pointer, "friction") ||
+        refuse_present(r, object, pointer, "motion_seconds") ||
+        get_number(r, object, pointer, "friction", &FRICTION, &ret->friction) ||
         get_number(r, object, pointer, "offset", &POSITIVE, &ret->offset))
         return -1;
     return read_body_shape(r, object, pointer, mesh, ret);

@@ -13,7 +13,7 @@
 
 struct dr_body {
     drape_body_kind kind;
-    double offset;
+    double offset, friction;
     double point[3], axis[3]; /* as in drape_body; a plane's normal has length 1 */
     double radius;
     struct dr_field *field; /* mesh; else NULL */
@@ -61,6 +61,7 @@ drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body 
         return dr_out_of_memory(reterr);
     body->kind = desc->kind;
     body->offset = desc->offset;
+    body->friction = desc->friction;
     if (desc->kind == DRAPE_BODY_MESH) {
         status = take_mesh(body, desc, number, reterr);
     } else {
@@ -90,6 +91,11 @@ struct dr_body *dr_body_free(struct dr_body *body)
 double dr_body_offset(const struct dr_body *body)
 {
     return body->offset;
+}
+
+double dr_body_friction(const struct dr_body *body)
+{
+    return body->friction;
 }
 
 size_t dr_body_bytes(const struct dr_body *body)

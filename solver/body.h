@@ -44,6 +44,7 @@ void dr_body_curvature(const struct dr_body *body, const double x[3], double ret
 double dr_body_support_min(const struct dr_body *body, const double d[3]);
 
 double dr_body_offset(const struct dr_body *body);
+double dr_body_friction(const struct dr_body *body);
 size_t dr_body_bytes(const struct dr_body *body);
 
 #endif

@@ -168,6 +168,9 @@ drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *
     if (!(desc->offset > 0 && desc->offset <= DR_BODY_MAX_OFFSET))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "offset",
                           "%g m is not in (0, %g]", desc->offset, DR_BODY_MAX_OFFSET);
+    if (!(desc->friction >= 0 && desc->friction <= DRAPE_MAX_FRICTION))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "friction",
+                          "%g is not between 0 and %g", desc->friction, (double)DRAPE_MAX_FRICTION);
     switch (desc->kind) {
     case DRAPE_BODY_MESH:
         return check_mesh(desc, number, reterr);

@@ -294,13 +294,18 @@ static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, d
     if (s->method->matrix == DR_MATRIX_CHOLESKY)
         return DRAPE_OK;
     plan.matrix = DR_MATRIX_CHOLESKY;
-    return dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
+    plan.friction = false;
+    drape_status status = dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
+    if (status >= 0)
+        s->cloth->friction = (*ret_own)->friction; /* the anchors are the method's */
+    return status;
 }
 
 static void take_back(struct dr_state *s, struct dr_cloth *own)
 {
     size_t bytes[DR_TERMS] = {0}, sum = 3 * own->mesh->nodes * sizeof(double);
     if (s->cloth != own) {
+        s->cloth->friction = NULL;
         dr_cloth_bytes(s->cloth, bytes);
         dr_cloth_free(s->cloth);
     }

@@ -29,6 +29,8 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
         dr_stretch_new(plan->mesh, scene->material, scene->materials, &cloth->stretch, reterr);
     if (status >= 0 && plan->contact)
         status = dr_contact_new(plan->mesh, scene->body, scene->bodies, &cloth->contact, reterr);
+    if (status >= 0 && plan->friction)
+        status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
     return status;
 }
 
@@ -67,6 +69,7 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
 {
     if (cloth) {
         dr_matrix_free(cloth->A);
+        dr_friction_free(cloth->friction);
         dr_contact_free(cloth->contact);
         dr_stretch_free(cloth->stretch);
         free(cloth->start);
@@ -85,6 +88,8 @@ void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS])
         bytes[DR_TERM_GRAVITY] += 3 * cloth->mesh->nodes * sizeof *cloth->start;
     if (cloth->contact)
         bytes[DR_TERM_CONTACT] += dr_contact_bytes(cloth->contact);
+    if (cloth->friction)
+        bytes[DR_TERM_FRICTION] += dr_friction_bytes(cloth->friction);
     if (cloth->A)
         bytes[DR_TERM_JACOBIAN] += dr_matrix_bytes(cloth->A);
     if (cloth->stress)
@@ -115,6 +120,8 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
     ret->stretch = dr_stretch_energy(cloth->stretch, x, f);
     ret->bend = cloth->bend ? dr_bend_energy(cloth->bend, x, f) : 0;
     ret->contact = cloth->contact ? dr_contact_energy(cloth->contact, x, f) : 0;
+    if (cloth->friction)
+        ret->contact += dr_friction_energy(cloth->friction, x, f);
     ret->gravity = 0;
     if (cloth->start)
         ret->gravity = add_gravity(cloth, x, f);
@@ -131,6 +138,8 @@ void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinit
     dr_stretch_hessian(cloth->stretch, x, cloth->stress, indefinite, cloth->A);
     if (cloth->contact)
         dr_contact_hessian(cloth->contact, x, indefinite, cloth->A);
+    if (cloth->friction)
+        dr_friction_hessian(cloth->friction, x, indefinite, cloth->A);
 }
 
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f)

@@ -5,7 +5,7 @@
 #ifndef DR_CLOTH_H
 #define DR_CLOTH_H
 
-#include "contact.h"
+#include "friction.h"
 #include "matrix.h"
 #include "plan.h"
 #include "stretch.h"
@@ -14,11 +14,12 @@ struct dr_cloth {
     const struct dr_mesh *mesh;
     const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
-    struct dr_contact *contact; /* NULL: left out */
-    struct dr_matrix *A;        /* NULL: an explicit integrator needs none */
-    double gravity[3];          /* zero: left out */
-    double *start;              /* 3*nodes: where gravity's energy is zero; NULL: left out */
-    double *stress;             /* 3*triangles: what the geometric stiffness is built from; NULL with A */
+    struct dr_contact *contact;   /* NULL: left out */
+    struct dr_friction *friction; /* NULL: left out */
+    struct dr_matrix *A;          /* NULL: an explicit integrator needs none */
+    double gravity[3];            /* zero: left out */
+    double *start;                /* 3*nodes: where gravity's energy is zero; NULL: left out */
+    double *stress;               /* 3*triangles: what the geometric stiffness is built from; NULL with A */
 };
 
 /* `start`: 3*nodes, copied. What the plan points to must outlive the cloth. */

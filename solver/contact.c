@@ -138,6 +138,41 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
     return energy;
 }
 
+/* Adds to the load and grip of a node its share of what the bodies do to a sample. */
+static void add_load(const struct dr_contact *contact, const double x[3], double stiffness, double share,
+                     double own, double rest, double load[3], double *grip)
+{
+    for (size_t b = 0; b < contact->bodies; b++) {
+        struct touch touch;
+        if (!touch_body(contact->body[b], x, stiffness, &touch))
+            continue;
+        double mu = own + rest * dr_body_friction(contact->body[b]);
+        double length = sqrt(touch.n[0] * touch.n[0] + touch.n[1] * touch.n[1] + touch.n[2] * touch.n[2]);
+        for (int d = 0; d < 3; d++)
+            load[d] += share * touch.force * touch.n[d];
+        *grip += share * mu * touch.force * length;
+    }
+}
+
+void dr_contact_loads(const struct dr_contact *contact, const double *x, const double *own,
+                      const double *rest, double *load, double *grip)
+{
+    const struct dr_mesh *mesh = contact->mesh;
+    memset(load, 0, 3 * mesh->nodes * sizeof *load);
+    memset(grip, 0, mesh->nodes * sizeof *grip);
+    for (size_t v = 0; v < mesh->nodes; v++)
+        add_load(contact, x + 3 * v, node_stiffness(contact, v), 1, own[v], rest[v], load + 3 * v, grip + v);
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        double at[3];
+        centroid(mesh->triangle + 3 * t, x, at);
+        for (int k = 0; k < 3; k++) {
+            uint32_t v = mesh->triangle[3 * t + (size_t)k];
+            add_load(contact, at, centroid_stiffness(contact, t), 1.0 / 3, own[v], rest[v],
+                     load + 3 * (size_t)v, grip + v);
+        }
+    }
+}
+
 /* Hessian of one sample, kappa A (psi'' n n' - psi' curvature) summed over the bodies, as the lower triangle
  * xx, yx, yy, zx, zy, zz. False when it is zero. */
 static bool sample_hessian(const struct dr_contact *contact, const double x[3], double stiffness,

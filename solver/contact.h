@@ -34,6 +34,12 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
 void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
                         struct dr_matrix *A);
 
+/* The forces of the bodies on the nodes at x, a third of each centroid's on its corners, into load (3*nodes,
+ * N), and what of their size friction may hold into grip (nodes, N): the sum over the bodies of force times
+ * own + rest times the body's coefficient (nodes each). */
+void dr_contact_loads(const struct dr_contact *contact, const double *x, const double *own,
+                      const double *rest, double *load, double *grip);
+
 /* Scales down the move w (3*nodes, finite, in place) of each node that would take it too deep into a
  * body, `depth` > 0, m. The straight path from x to x + w is walked by the distances met on the way:
  * each step is as long as the distance is, or depth/2 where that is more. With phi the distance as

@@ -103,8 +103,9 @@ typedef struct drape_material {
     double poisson;       /* (-1, 1) */
     double bend_weft;     /* N m, >= 0 */
     double bend_warp;     /* N m, >= 0 */
-    double bend_twist;    /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
+    double bend_twist; /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
     drape_curve curve_weft, curve_warp, curve_shear; /* errors name them as stretch_weft and so on */
+    double friction; /* Coulomb's coefficient against bodies, to DRAPE_MAX_FRICTION; 0: the bodies' own */
 } drape_material;
 
 typedef enum drape_body_kind {
@@ -114,10 +115,11 @@ typedef enum drape_body_kind {
     DRAPE_BODY_CAPSULE
 } drape_body_kind;
 
-/* A static, frictionless obstacle. Only the members of its kind are read. */
+/* A static obstacle. Only the members of its kind are read. */
 typedef struct drape_body {
     drape_body_kind kind;
-    double offset;            /* m, > 0: cloth starts to feel the body this far from its surface */
+    double offset;   /* m, > 0: cloth starts to feel the body this far from its surface */
+    double friction; /* Coulomb's coefficient, 0 to DRAPE_MAX_FRICTION, of the fabrics that say none */
     const double *positions;  /* MESH: 3*vertices */
     const uint32_t *triangle; /* MESH: 3*triangles */
     size_t vertices, triangles;
@@ -161,6 +163,9 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_MIN_MATERIAL   1e-12
 #define DRAPE_MAX_MATERIAL   1e12
 
+/* Cloth on skin has 0.2 to 0.6; ten times that is glue. */
+#define DRAPE_MAX_FRICTION 10
+
 /* Everything that drape_scene_new would refuse except what only building the bodies' distance
  * fields can tell; costs O(n log n) time in the input. For the border of a service. */
 drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr);
@@ -201,7 +206,7 @@ typedef enum drape_stop_rule {
 typedef struct drape_energies { /* joules */
     double stretch, bend;
     double gravity; /* relative to the start */
-    double contact;
+    double contact; /* the penalty, and what friction has stored */
     double kinetic;
     double potential; /* stretch + bend + gravity + contact */
 } drape_energies;

@@ -1,6 +1,7 @@
 /* plan.c - decides which terms, buffers, matrix and method a run needs, and accounts for their bytes. */
 #include "plan.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "state.h"
@@ -54,6 +55,16 @@ static const char *reason_not_to_sew(const drape_scene *scene)
     return scene->pieces ? "only the start is evaluated" : "the seams start closed";
 }
 
+static bool has_friction(const drape_scene *scene)
+{
+    double most = 0;
+    for (size_t b = 0; b < scene->bodies; b++)
+        most = fmax(most, dr_body_friction(scene->body[b]));
+    for (size_t m = 0; scene->bodies && m < scene->materials; m++)
+        most = fmax(most, scene->material[m].friction);
+    return most > 0;
+}
+
 /* With the bytes that the scene holds for each; the state gets those that no other term accounts for. */
 static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const drape_options *options)
 {
@@ -73,7 +84,8 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
            "no material has bending rigidity");
     decide(plan, DR_TERM_GRAVITY, "gravity", cloth->gravity, 0, "gravity is zero");
     decide(plan, DR_TERM_CONTACT, "contact", cloth->contact, body_bytes, "no body in the scene");
-    decide(plan, DR_TERM_FRICTION, "friction", false, 0, "not in this version");
+    decide(plan, DR_TERM_FRICTION, "friction", cloth->friction, 0,
+           scene->bodies ? "neither bodies nor fabrics have any" : "no body in the scene");
     decide(plan, DR_TERM_SELF_CONTACT, "self-contact", false, 0, "not in this version");
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
@@ -101,6 +113,7 @@ void dr_plan_compile(struct drape_sim *sim)
         .bend = scene->bend,
         .gravity = g[0] != 0 || g[1] != 0 || g[2] != 0,
         .contact = scene->bodies > 0,
+        .friction = has_friction(scene),
         .matrix = plan->method->matrix,
     };
     if (scene->pieces && sim->options.max_iterations)

@@ -8,6 +8,7 @@
 #include "error.h"
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
+#define EPOCH        15   /* iterations that friction's anchors stay, unless a stop or rest renews them */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
 
 /* ---- what methods share -------------------------------------------------------------------------- */
@@ -181,12 +182,14 @@ static bool at_rest(const struct dr_state *s)
     return stops || largest_inertia(s) <= tolerance * s->weight;
 }
 
-/* The potential energy is higher than where the run began. */
+/* The potential energy is higher than where the run began. Friction's share came with its anchors. */
 static bool above_start(const struct dr_state *s)
 {
     const drape_energies *e = &s->row.energy;
+    const struct dr_friction *friction = s->cloth->friction;
     double size = e->stretch + e->bend + e->contact + fabs(e->gravity);
-    return e->potential > s->sim->row[0].energy.potential + 1e-9 * size;
+    double held = friction ? dr_friction_energy(friction, s->x, NULL) : 0;
+    return e->potential - held > s->sim->row[0].energy.potential + 1e-9 * size;
 }
 
 /* A piece that no pin holds has fallen below every body. */
@@ -226,10 +229,12 @@ static __attribute__((noinline)) void record(struct dr_state *s)
     dr_sim_tell(sim, &(drape_progress){DRAPE_PHASE_DRAPING, s->row, sim->report.stops, 0});
 }
 
-/* Notes the state to return should no later one come to rest. */
+/* Notes the state to return should no later one come to rest. Energies are comparable as long as friction's
+ * anchors stay. */
 static void keep_best(struct dr_state *s)
 {
-    if (s->row.iteration && !(s->row.energy.potential < s->best_row.energy.potential))
+    bool first = !s->row.iteration || (s->cloth->friction && s->anchored == s->row.iteration);
+    if (!first && !(s->row.energy.potential < s->best_row.energy.potential))
         return;
     memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
     s->best_row = s->row;
@@ -329,6 +334,22 @@ static drape_status certify(struct dr_state *s, drape_verdict verdict, bool *ret
     return DRAPE_OK;
 }
 
+/* Renews friction's anchors at each stop, now and then between, and before anything is called rest: a load is
+ * held when the forces balance with anchors that have just been taken. */
+static void renew_anchors(struct dr_state *s)
+{
+    bool due = s->row.stop || s->row.iteration < EPOCH || s->row.iteration - s->anchored >= EPOCH ||
+               s->row.residual_force <= s->sim->options.tolerance;
+    if (!s->cloth->friction || !due)
+        return;
+    double kinetic = s->row.energy.kinetic;
+    dr_friction_update(s->cloth->friction, s->x);
+    dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
+    s->row.energy.kinetic = kinetic;
+    s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
+    s->anchored = s->row.iteration;
+}
+
 static drape_status iterate(struct dr_state *s, drape_error *reterr)
 {
     for (;;) {
@@ -342,6 +363,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
             return DRAPE_OK;
         }
         stop_or_go(s);
+        renew_anchors(s);
         s->row.factorizations = 0;
         if (s->sim->report.method == DRAPE_METHOD_VELOCITY_CORRECTION)
             dr_state_correct(s);

@@ -93,6 +93,9 @@ static drape_status check_material(const drape_material *material, int64_t m, dr
     if (!(fabs(material->poisson) < 1)) /* D is positive definite just then */
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "poisson",
                           "%g is not between -1 and 1, both excluded", material->poisson);
+    if (!(material->friction >= 0 && material->friction <= DRAPE_MAX_FRICTION))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "friction",
+                          "%g is not between 0 and %g", material->friction, (double)DRAPE_MAX_FRICTION);
     if (curved && material->poisson != 0)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "poisson",
                           "%g must be 0 beside a strain-stress curve", material->poisson);

@@ -47,6 +47,7 @@ struct dr_state { /* arrays are 3*nodes */
     double work;              /* J: of the potential forces over the last step, by the trapezoid rule */
     bool moving;              /* velocities may be nonzero */
     bool fresh;               /* no step since the start or the last stop: there is no history */
+    uint32_t anchored;        /* iteration at which friction's anchors were taken */
     size_t certificate_bytes; /* that the certificate held, for as long as it took */
     const char *gave_up;      /* why the method can go no further; NULL: it can */
 

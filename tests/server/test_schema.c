@@ -169,7 +169,7 @@ static void test_schema__bodies_of_every_kind_are_read(void **state)
 {
     (void)state;
     struct job_spec *spec = parse_with(
-        "/bodies", "[{\"sphere\": {\"center\": [1,2,3], \"radius\": 4}, \"offset\": 0.01, \"friction\": 0},"
+        "/bodies", "[{\"sphere\": {\"center\": [1,2,3], \"radius\": 4}, \"offset\": 0.01, \"friction\": 10},"
                    " {\"plane\": {\"point\": [0,-9,0], \"normal\": [0,2,0]}},"
                    " {\"capsule\": {\"a\": [0,-5,0], \"b\": [1,-5,0], \"radius\": 0.25}},"
                    " {\"mesh\": {\"positions\": [0,-7,0, 1,-7,0, 0,-7,1, 0,-6,0],"
@@ -179,6 +179,8 @@ static void test_schema__bodies_of_every_kind_are_read(void **state)
     assert_int_equal(body[0].kind, DRAPE_BODY_SPHERE);
     assert_close(body[0].point[2], 3, 0);
     assert_close(body[0].radius, 4, 0);
+    assert_close(body[0].friction, 10, 0);
+    assert_close(body[1].friction, 0, 0);
     assert_close(body[0].offset, 0.01, 0);
     assert_int_equal(body[1].kind, DRAPE_BODY_PLANE);
     assert_close(body[1].point[1], -9, 0);
@@ -425,6 +427,8 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/bodies/0/offset", "0", NULL},
         {"/bodies/0/friction", "-0.5", NULL},
         {"/bodies/0/friction", "\"0\"", NULL},
+        {"/bodies/0/friction", "10.1", NULL},
+        {"/cloth/materials/0/friction", "10.1", NULL},
         {"/gravity", "[0,-9.81]", NULL},
         {"/gravity", "-9.81", NULL},
         {"/self_contact", "\"maybe\"", NULL},
@@ -457,7 +461,7 @@ static void test_schema__what_the_contract_has_and_this_version_not_is_unsupport
 {
     (void)state;
     static const struct refusal REFUSAL[] = {
-        {"/bodies/0/friction", "0.3", NULL},     {"/bodies/0/motion", "[]", NULL},
+        {"/bodies/0/motion", "[]", NULL},
         {"/bodies/0/motion_seconds", "1", NULL}, {"/start_from", "\"0123\"", NULL},
         {"/self_contact", "\"on\"", NULL},
     };

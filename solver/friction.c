@@ -1,0 +1,175 @@
+/* friction.c - see friction.h. */
+#include "friction.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "error.h"
+
+struct anchor {
+    double at[3];     /* m */
+    double normal[3]; /* of the surface there, unit */
+    double limit;     /* N: mu times the normal force; 0: the node holds on to nothing */
+};
+
+struct dr_friction {
+    const struct dr_contact *contact;
+    size_t nodes;
+    struct anchor *anchor; /* nodes */
+    double *own, *rest;    /* nodes: the coefficient against a body of mu is own + rest mu */
+    double *load, *grip;   /* 3*nodes, nodes: scratch of an update */
+};
+
+/* ---- made and freed -------------------------------------------------------------------------- */
+
+/* The mean, by rest area, over the fabrics that meet in each node. */
+static void mean_coefficients(struct dr_friction *friction, const struct dr_mesh *mesh,
+                              const drape_material *material)
+{
+    double *area = friction->grip; /* free until the first update */
+    for (size_t t = 0; t < mesh->triangles; t++)
+        for (int k = 0; k < 3; k++) {
+            size_t v = mesh->triangle[3 * t + (size_t)k];
+            double mu = material[mesh->material[t]].friction;
+            area[v] += mesh->area[t];
+            friction->own[v] += mesh->area[t] * mu;
+            friction->rest[v] += mu > 0 ? 0 : mesh->area[t];
+        }
+    for (size_t v = 0; v < mesh->nodes; v++) {
+        friction->own[v] /= area[v];
+        friction->rest[v] /= area[v];
+    }
+}
+
+drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_mesh *mesh,
+                             const drape_material *material, struct dr_friction **ret, drape_error *reterr)
+{
+    struct dr_friction *friction = calloc(1, sizeof *friction);
+    if (!friction)
+        return dr_out_of_memory(reterr);
+    size_t nodes = mesh->nodes;
+    friction->contact = contact;
+    friction->nodes = nodes;
+    friction->anchor = calloc(nodes, sizeof *friction->anchor);
+    friction->own = calloc(nodes, sizeof *friction->own);
+    friction->rest = calloc(nodes, sizeof *friction->rest);
+    friction->load = calloc(3 * nodes, sizeof *friction->load);
+    friction->grip = calloc(nodes, sizeof *friction->grip);
+    if (!friction->anchor || !friction->own || !friction->rest || !friction->load || !friction->grip) {
+        dr_friction_free(friction);
+        return dr_out_of_memory(reterr);
+    }
+    mean_coefficients(friction, mesh, material);
+    *ret = friction;
+    return DRAPE_OK;
+}
+
+struct dr_friction *dr_friction_free(struct dr_friction *friction)
+{
+    if (friction) {
+        free(friction->anchor);
+        free(friction->own);
+        free(friction->rest);
+        free(friction->load);
+        free(friction->grip);
+        free(friction);
+    }
+    return NULL;
+}
+
+size_t dr_friction_bytes(const struct dr_friction *friction)
+{
+    return sizeof *friction + friction->nodes * (sizeof *friction->anchor + 6 * sizeof(double));
+}
+
+/* ---- anchors --------------------------------------------------------------------------------- */
+
+/* u = the part of x - a along the surface; returns its length. */
+static double slip(const struct anchor *anchor, const double x[3], double u[3])
+{
+    double off = 0, square = 0;
+    for (int d = 0; d < 3; d++)
+        off += (x[d] - anchor->at[d]) * anchor->normal[d];
+    for (int d = 0; d < 3; d++) {
+        u[d] = x[d] - anchor->at[d] - off * anchor->normal[d];
+        square += u[d] * u[d];
+    }
+    return sqrt(square);
+}
+
+/* After it the anchor lies in the surface through x, no farther than the slip. */
+static void drag(struct anchor *anchor, const double x[3])
+{
+    double u[3], l = slip(anchor, x, u), keep = l > DR_FRICTION_SLIP ? DR_FRICTION_SLIP / l : 1;
+    for (int d = 0; d < 3; d++)
+        anchor->at[d] = x[d] - keep * u[d];
+}
+
+void dr_friction_update(struct dr_friction *friction, const double *x)
+{
+    dr_contact_loads(friction->contact, x, friction->own, friction->rest, friction->load, friction->grip);
+    for (size_t i = 0; i < friction->nodes; i++) {
+        struct anchor *anchor = friction->anchor + i;
+        const double *load = friction->load + 3 * i;
+        double force = sqrt(load[0] * load[0] + load[1] * load[1] + load[2] * load[2]);
+        if (!(friction->grip[i] > 0) || !(force > 0)) {
+            anchor->limit = 0;
+            continue;
+        }
+        for (int d = 0; d < 3; d++)
+            anchor->normal[d] = load[d] / force;
+        if (anchor->limit > 0)
+            drag(anchor, x + 3 * i);
+        else
+            memcpy(anchor->at, x + 3 * i, sizeof anchor->at);
+        anchor->limit = friction->grip[i];
+    }
+}
+
+/* ---- the potential --------------------------------------------------------------------------- */
+
+/* E, E'/l and E'' of one anchor. */
+static void respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent)
+{
+    const double s = DR_FRICTION_SLIP;
+    bool sticks = l < s;
+    *ret_energy = sticks ? g * (l * l / s - l * l * l / (3 * s * s)) : g * (l - s / 3);
+    *ret_secant = sticks ? g * (2 / s - l / (s * s)) : g / l;
+    *ret_tangent = sticks ? g * (2 / s - 2 * l / (s * s)) : 0;
+}
+
+double dr_friction_energy(const struct dr_friction *friction, const double *x, double *g)
+{
+    double sum = 0;
+    for (size_t i = 0; i < friction->nodes; i++) {
+        const struct anchor *anchor = friction->anchor + i;
+        double u[3], energy, secant, unused;
+        if (!(anchor->limit > 0))
+            continue;
+        respond(anchor->limit, slip(anchor, x + 3 * i, u), &energy, &secant, &unused);
+        sum += energy;
+        for (int d = 0; g && d < 3; d++)
+            g[3 * i + (size_t)d] += secant * u[d];
+    }
+    return sum;
+}
+
+void dr_friction_hessian(const struct dr_friction *friction, const double *x, double exact,
+                         struct dr_matrix *A)
+{
+    for (size_t i = 0; i < friction->nodes; i++) {
+        const struct anchor *anchor = friction->anchor + i;
+        const double *n = anchor->normal;
+        double u[3], H[6], unused, secant, tangent;
+        if (!(anchor->limit > 0))
+            continue;
+        double l = slip(anchor, x + 3 * i, u);
+        respond(anchor->limit, l, &unused, &secant, &tangent);
+        double along = l > 0 ? exact * (tangent - secant) / (l * l) : 0;
+        for (int r = 0, entry = 0; r < 3; r++)
+            for (int c = 0; c <= r; c++)
+                H[entry++] = secant * ((r == c) - n[r] * n[c]) + along * u[r] * u[c];
+        dr_matrix_add_node(A, (uint32_t)i, H);
+    }
+}

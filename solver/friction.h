@@ -1,0 +1,41 @@
+/* friction.h - dry friction between cloth and bodies, by anchors.
+ *
+ * A node that presses on a body holds on to an anchor a, the point of the body's surface it sticks to. With u
+ * the part of x - a along the surface and g = mu N the most that friction can hold, the potential
+ *
+ *     E(l) = g (l^2/s - l^3/(3 s^2)) for l = |u| < s,  g (l - s/3) beyond,   s = DR_FRICTION_SLIP,
+ *
+ * is convex and C1, and its force grows from 0 at the anchor to g at s, where Coulomb's law lets the node
+ * slip. Between updates anchors, normals and g are fixed: friction is a conservative force, each "go"
+ * minimises one energy, and a load below mu N is held without creep. An update drags along the anchors of
+ * nodes that slipped, to s behind them, and takes normals and N afresh from the contact.
+ *
+ * Belongs to one thread. */
+#ifndef DR_FRICTION_H
+#define DR_FRICTION_H
+
+#include "contact.h"
+
+#define DR_FRICTION_SLIP 5e-4 /* m: how far cloth may shear on skin before it slips */
+
+struct dr_friction;
+
+/* No node is anchored before the first update. The contact must outlive it; `material`, as many as the mesh
+ * names, need not. */
+drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_mesh *mesh,
+                             const drape_material *material, struct dr_friction **ret, drape_error *reterr);
+struct dr_friction *dr_friction_free(struct dr_friction *friction); /* NULL is fine; returns NULL */
+size_t dr_friction_bytes(const struct dr_friction *friction);
+
+/* Anchors for the contact at x (3*nodes): the potential is another one from here on. */
+void dr_friction_update(struct dr_friction *friction, const double *x);
+
+/* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
+double dr_friction_energy(const struct dr_friction *friction, const double *x, double *g);
+
+/* Adds the Hessian at x to A: across the force E'/l, and along it E'/l with `exact` = 0, which majorises the
+ * true E'' that 1 gives. Positive semi-definite either way. */
+void dr_friction_hessian(const struct dr_friction *friction, const double *x, double exact,
+                         struct dr_matrix *A);
+
+#endif
