@@ -111,7 +111,7 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         scene->name = argument;
         return 0;
     case OPTION_FRICTION:
-        scene->body_friction = cli_number(state, "friction", argument, 0, 100);
+        scene->body_friction = cli_number(state, "friction", argument, 0, 10);
         return 0;
     case OPTION_OFFSET:
         scene->body_offset = cli_number(state, "offset", argument, 1e-6, 1);

@@ -196,8 +196,7 @@ static int build_garment(size_t triangles, struct scene *scene, struct failure *
         .bend_warp = 1e-5,
         .bend_twist = 0.5e-5,
     };
-    scene->solver.method = "stop-and-go";
-    scene->solver.stop_on = "kinetic";
+    scene->solver.method = "auto";
     scene->solver.time_step = 0.02;
     scene->solver.tolerance = 1e-2;
     scene->solver.max_iterations = 4000;

@@ -58,28 +58,31 @@ size_t dr_contact_bytes(const struct dr_contact *contact)
 
 /* ---- the penalty ----------------------------------------------------------------------------- */
 
-/* psi and its first two derivatives at one point against one body, times the sample's stiffness. */
+struct dr_penalty dr_penalty(double stiffness, double offset, double depth)
+{
+    double w = offset / 2, s = depth, e = s - w;
+    if (s <= 0)
+        return (struct dr_penalty){0, 0, 0};
+    if (e < 0)
+        return (struct dr_penalty){stiffness * s * s * s / (6 * w), stiffness * s * s / (2 * w),
+                                   stiffness * s / w};
+    return (struct dr_penalty){stiffness * (w * w / 6 + w * e / 2 + e * e / 2), stiffness * (w / 2 + e),
+                               stiffness};
+}
+
+/* What one body does to one point. */
 struct touch {
-    double energy, force, stiffness; /* J, N, N/m */
-    double n[3];                     /* gradient of the distance */
+    struct dr_penalty psi;
+    double n[3]; /* gradient of the distance */
 };
 
 /* False when the point at x does not feel the body. `stiffness`: kappa times the sample's area, N/m. */
 static bool touch_body(const struct dr_body *body, const double x[3], double stiffness, struct touch *ret)
 {
-    double phi, offset = dr_body_offset(body), w = offset / 2;
+    double phi, offset = dr_body_offset(body);
     if (!dr_body_distance(body, x, &phi, ret->n) || phi >= offset)
         return false;
-    double s = offset - phi, e = s - w;
-    if (e < 0) {
-        ret->energy = stiffness * s * s * s / (6 * w);
-        ret->force = stiffness * s * s / (2 * w);
-        ret->stiffness = stiffness * s / w;
-    } else {
-        ret->energy = stiffness * (w * w / 6 + w * e / 2 + e * e / 2);
-        ret->force = stiffness * (w / 2 + e);
-        ret->stiffness = stiffness;
-    }
+    ret->psi = dr_penalty(stiffness, offset, offset - phi);
     return true;
 }
 
@@ -111,9 +114,9 @@ static double sample_energy(const struct dr_contact *contact, const double x[3],
         struct touch touch;
         if (!touch_body(contact->body[b], x, stiffness, &touch))
             continue;
-        energy += touch.energy;
+        energy += touch.psi.energy;
         for (int d = 0; d < 3; d++)
-            g[d] -= touch.force * touch.n[d]; /* ds = -n.dx */
+            g[d] -= touch.psi.force * touch.n[d]; /* ds = -n.dx */
     }
     return energy;
 }
@@ -149,8 +152,8 @@ static void add_load(const struct dr_contact *contact, const double x[3], double
         double mu = own + rest * dr_body_friction(contact->body[b]);
         double length = sqrt(touch.n[0] * touch.n[0] + touch.n[1] * touch.n[1] + touch.n[2] * touch.n[2]);
         for (int d = 0; d < 3; d++)
-            load[d] += share * touch.force * touch.n[d];
-        *grip += share * mu * touch.force * length;
+            load[d] += share * touch.psi.force * touch.n[d];
+        *grip += share * mu * touch.psi.force * length;
     }
 }
 
@@ -190,7 +193,8 @@ static bool sample_hessian(const struct dr_contact *contact, const double x[3], 
             dr_body_curvature(contact->body[b], x, bent);
         for (int i = 0, entry = 0; i < 3; i++)
             for (int j = 0; j <= i; j++, entry++)
-                H[entry] += touch.stiffness * touch.n[i] * touch.n[j] - curvature * touch.force * bent[entry];
+                H[entry] +=
+                    touch.psi.curvature * touch.n[i] * touch.n[j] - curvature * touch.psi.force * bent[entry];
     }
     return any;
 }
@@ -218,6 +222,43 @@ void dr_contact_hessian(const struct dr_contact *contact, const double *x, doubl
         centroid(mesh->triangle + 3 * t, x, at);
         if (sample_hessian(contact, at, centroid_stiffness(contact, t), curvature, H))
             add_centroid(A, t, H);
+    }
+}
+
+/* ---- one by one ------------------------------------------------------------------------------ */
+
+size_t dr_contact_samples(const struct dr_contact *contact)
+{
+    return (contact->mesh->nodes + contact->mesh->triangles) * contact->bodies;
+}
+
+static void visit_bodies(const struct dr_contact *contact, const double x[3], struct dr_sample *sample,
+                         void (*visit)(const struct dr_sample *sample, void *data), void *data)
+{
+    for (size_t b = 0; b < contact->bodies; b++) {
+        if (!dr_body_distance(contact->body[b], x, &sample->phi, sample->n))
+            continue;
+        sample->offset = dr_body_offset(contact->body[b]);
+        visit(sample, data);
+    }
+}
+
+void dr_contact_each(const struct dr_contact *contact, const double *x,
+                     void (*visit)(const struct dr_sample *sample, void *data), void *data)
+{
+    const struct dr_mesh *mesh = contact->mesh;
+    for (size_t v = 0; v < mesh->nodes; v++) {
+        struct dr_sample sample = {.node = {(uint32_t)v, (uint32_t)v, (uint32_t)v},
+                                   .stiffness = node_stiffness(contact, v)};
+        visit_bodies(contact, x + 3 * v, &sample, visit, data);
+    }
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const uint32_t *corner = mesh->triangle + 3 * t;
+        struct dr_sample sample = {.node = {corner[0], corner[1], corner[2]},
+                                   .stiffness = centroid_stiffness(contact, t)};
+        double at[3];
+        centroid(corner, x, at);
+        visit_bodies(contact, at, &sample, visit, data);
     }
 }
 

@@ -19,6 +19,13 @@
 
 struct dr_contact;
 
+struct dr_penalty {                  /* kappa A psi and its first two derivatives in s */
+    double energy, force, curvature; /* J, N, N/m */
+};
+
+/* Of a sample of `stiffness` kappa A (N/m) that is `depth` s into the offset. */
+struct dr_penalty dr_penalty(double stiffness, double offset, double depth);
+
 /* `mesh` and each body of `body` (an array of `bodies` pointers, itself copied; NULL if 0) must
  * outlive the contact. */
 drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *body, size_t bodies,
@@ -33,6 +40,18 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
  * semi-definite; 1: the true Hessian. */
 void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
                         struct dr_matrix *A);
+
+/* One sample within DR_BODY_REACH of one body. */
+struct dr_sample {
+    uint32_t node[3];         /* it moves with the mean of these: a centroid's corners, or a node thrice */
+    double phi, n[3];         /* distance (m) and its gradient */
+    double offset, stiffness; /* m, kappa A in N/m */
+};
+
+/* Calls `visit` for each of them at x, in the order of the sums; at most dr_contact_samples of them. */
+void dr_contact_each(const struct dr_contact *contact, const double *x,
+                     void (*visit)(const struct dr_sample *sample, void *data), void *data);
+size_t dr_contact_samples(const struct dr_contact *contact);
 
 /* The forces of the bodies on the nodes at x, a third of each centroid's on its corners, into load (3*nodes,
  * N), and what of their size friction may hold into grip (nodes, N): the sum over the bodies of force times

@@ -103,7 +103,7 @@ typedef struct drape_material {
     double poisson;       /* (-1, 1) */
     double bend_weft;     /* N m, >= 0 */
     double bend_warp;     /* N m, >= 0 */
-    double bend_twist; /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
+    double bend_twist;    /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
     drape_curve curve_weft, curve_warp, curve_shear; /* errors name them as stretch_weft and so on */
     double friction; /* Coulomb's coefficient against bodies, to DRAPE_MAX_FRICTION; 0: the bodies' own */
 } drape_material;
@@ -178,8 +178,7 @@ drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL
 /* ---- options -------------------------------------------------------------------------------- */
 
 typedef enum drape_method {
-    DRAPE_METHOD_AUTO = 0,            /* without bodies the mixed-stress Newton of solver/mixed.c, with them
-                                       * stop-and-go (kinetic rule, backward Euler) */
+    DRAPE_METHOD_AUTO = 0,            /* the mixed-stress Newton of solver/mixed.c */
     DRAPE_METHOD_STOP_AND_GO,         /* [VMT07]: undamped dynamics, all velocities cut at each stop */
     DRAPE_METHOD_DYNAMIC,             /* plain dynamics, never stopped */
     DRAPE_METHOD_VELOCITY_CORRECTION, /* [VMT07]'s other baseline: dynamics in which each node drops what of

@@ -24,7 +24,7 @@ static const struct dr_method *method_of(const drape_scene *scene, const drape_o
     };
     switch (options->method) {
     case DRAPE_METHOD_AUTO:
-        return scene->bodies ? &dr_backward_euler : &dr_mixed;
+        return scene->bodies ? &dr_mixed_touching : &dr_mixed;
     case DRAPE_METHOD_QUASI_STATIC:
         return &dr_quasi_static;
     case DRAPE_METHOD_NEWTON:
@@ -38,10 +38,10 @@ static const struct dr_method *method_of(const drape_scene *scene, const drape_o
 }
 
 /* What the report calls it. */
-static void name_method(const drape_scene *scene, const drape_options *options, drape_report *report)
+static void name_method(const drape_options *options, drape_report *report)
 {
     bool automatic = options->method == DRAPE_METHOD_AUTO;
-    report->method = automatic && scene->bodies ? DRAPE_METHOD_STOP_AND_GO : options->method;
+    report->method = options->method;
     report->stop_on = automatic ? DRAPE_STOP_ON_KINETIC : options->stop_on;
     report->integrator = dr_steps_in_time(options) ? options->integrator : DRAPE_BACKWARD_EULER;
 }
@@ -91,7 +91,8 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
     decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
     decide(plan, DR_TERM_VELOCITIES, "velocities", plan->method->moves, 0, "the method has none");
-    decide(plan, DR_TERM_CONJUGATE_GRADIENTS, "conjugate-gradients", plan->method == &dr_mixed, 0,
+    decide(plan, DR_TERM_CONJUGATE_GRADIENTS, "conjugate-gradients",
+           plan->method == &dr_mixed || plan->method == &dr_mixed_touching, 0,
            "steps are taken from the factor alone");
     decide(plan, DR_TERM_CERTIFICATE, "certificate", options->certify, 0, "not asked for");
     for (int t = 0; t < DR_TERMS; t++)
@@ -105,7 +106,7 @@ void dr_plan_compile(struct drape_sim *sim)
     const drape_scene *scene = sim->scene;
     const double *g = scene->gravity;
     struct dr_plan *plan = &sim->plan;
-    name_method(scene, &sim->options, &sim->report);
+    name_method(&sim->options, &sim->report);
     plan->method = method_of(scene, &sim->options);
     plan->welded = (struct dr_cloth_plan){
         .scene = scene,

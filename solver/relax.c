@@ -9,6 +9,7 @@
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define EPOCH        15   /* iterations that friction's anchors stay, unless a stop or rest renews them */
+#define SHORT_EPOCH  2    /* of methods without stops */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
 
 /* ---- what methods share -------------------------------------------------------------------------- */
@@ -277,6 +278,8 @@ static void note_bytes(struct dr_state *s)
     bytes[DR_TERM_VELOCITIES] = (s->v != NULL) * array;
     for (size_t i = 0; i < DR_MAX_EXTRA; i++)
         bytes[conjugate ? DR_TERM_CONJUGATE_GRADIENTS : DR_TERM_VELOCITIES] += (s->extra[i] != NULL) * array;
+    if (s->gaps)
+        bytes[DR_TERM_CONTACT] += dr_gaps_bytes(s->gaps);
     dr_cloth_bytes(s->cloth, bytes);
     dr_plan_hold(&s->sim->plan, DRAPE_PHASE_DRAPING, bytes);
 }
@@ -338,7 +341,8 @@ static drape_status certify(struct dr_state *s, drape_verdict verdict, bool *ret
  * held when the forces balance with anchors that have just been taken. */
 static void renew_anchors(struct dr_state *s)
 {
-    bool due = s->row.stop || s->row.iteration < EPOCH || s->row.iteration - s->anchored >= EPOCH ||
+    bool due = s->row.stop || s->row.iteration < EPOCH ||
+               s->row.iteration - s->anchored >= (s->v ? EPOCH : SHORT_EPOCH) ||
                s->row.residual_force <= s->sim->options.tolerance;
     if (!s->cloth->friction || !due)
         return;
@@ -399,6 +403,7 @@ static void release(struct dr_state *s)
         free(array[i]);
     for (size_t i = 0; i < DR_MAX_EXTRA; i++)
         free(s->extra[i]);
+    dr_gaps_free(s->gaps);
     dr_cloth_free(s->cloth);
 }
 
@@ -410,6 +415,8 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
     drape_status status = allocate(&s) ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
         status = dr_cloth_new(&sim->plan.welded, x, &s.cloth, reterr);
+    if (status >= 0 && s.method->gaps)
+        status = dr_gaps_new(s.cloth->contact, &s.gaps, reterr);
     if (status >= 0) {
         s.weight = dr_cloth_mean_weight(s.cloth);
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);

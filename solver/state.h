@@ -6,6 +6,7 @@
 #ifndef DR_STATE_H
 #define DR_STATE_H
 
+#include "gap.h"
 #include "sim.h"
 
 #define DR_CONTACT_DEPTH 0.002 /* m below a body's surface that one step may end: nothing tunnels */
@@ -24,12 +25,13 @@ struct dr_method {
     enum dr_cloth_matrix matrix;
     bool moves;     /* it has velocities: kinetic energy, stops */
     unsigned extra; /* arrays of 3*nodes it wants in state.extra, at most DR_MAX_EXTRA */
+    bool gaps;      /* it wants state.gaps */
     struct dr_scheme scheme;
     drape_status (*assess)(struct dr_state *s, drape_error *reterr);
     drape_status (*advance)(struct dr_state *s, drape_error *reterr);
 };
 
-#define DR_MAX_EXTRA 4
+#define DR_MAX_EXTRA 6
 
 struct dr_state { /* arrays are 3*nodes */
     struct drape_sim *sim;
@@ -41,6 +43,7 @@ struct dr_state { /* arrays are 3*nodes */
     double *x_next, *f_next;     /* where the step leads */
     double *best;                /* lowest potential energy seen */
     double *extra[DR_MAX_EXTRA]; /* the method's own, zero at first */
+    struct dr_gaps *gaps;        /* NULL when the method or the scene needs none */
     drape_row row, best_row;
     double weight;                               /* N: what residual_force is relative to */
     double previous_potential, previous_kinetic; /* J, one iteration back */
@@ -61,6 +64,8 @@ struct dr_state { /* arrays are 3*nodes */
     unsigned rejected;           /* steps in a row */
     bool whole, pivot_failed;    /* this iteration's factor: of the true Hessian; that was tried in vain */
     bool corrected, cut;         /* this iteration's step: by conjugate gradients; up to the limit */
+    bool shortened;              /* this iteration's step, as too long */
+    double surplus;              /* J: of the gaps' model at this iteration's step */
     bool negative;               /* they last met negative curvature */
     uint32_t solves;             /* back-solves of this iteration's step */
     double lowest, lowest_force; /* potential (J) and residual force so far, and the iteration that last */
@@ -69,7 +74,7 @@ struct dr_state { /* arrays are 3*nodes */
 };
 
 extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, dr_quasi_static, dr_rk4,
-    dr_newton, dr_mixed;
+    dr_newton, dr_mixed, dr_mixed_touching;
 
 /* Goes on with another method, which needs the same matrix; makes the arrays that it lacks. */
 drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr);
