@@ -12,7 +12,7 @@ struct dr_body;
 
 /* Distances above this are not resolved (m): dr_body_distance then returns false. Inside, the
  * distance is resolved everywhere. */
-#define DR_BODY_REACH 0.03
+#define DR_BODY_REACH DRAPE_REACH
 
 #define DR_BODY_MAX_OFFSET     0.02 /* m: well within reach */
 #define DR_BODY_MAX_COORDINATE 1e6  /* m, radii too: keeps every square and volume finite and exact enough */

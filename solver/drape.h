@@ -155,6 +155,9 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_MAX_TRIANGLES 2000000
 #define DRAPE_MAX_BODIES    16
 
+/* How far from its surface a body is resolved (m): what is farther away neither feels nor measures it. */
+#define DRAPE_REACH 0.03
+
 /* Magnitudes past which numbers are refused as absurd, so that no square or product leaves the range of
  * a double: coordinates (m, pattern too), gravity (m/s^2), and the least and largest density, stretch and
  * bending of a material in its SI unit (bending may be 0). */
@@ -256,6 +259,7 @@ typedef struct drape_options {   /* start from drape_options_default() */
     double material_damping;     /* s, >= 0: force -material_damping H v; 0. Backward Euler only */
     bool line_search;            /* newton halves a step that raises the potential; false: as published */
     bool certify;                /* carry rest on to round-off and prove it a minimum; false */
+    bool fit;                    /* measure how the drape fits, see drape_fit; false */
     double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
     double time_limit;           /* s of wall time, > 0; 120: see below */
@@ -357,6 +361,8 @@ typedef struct drape_report {
     drape_certificate certificate;
     uint32_t penetrations;    /* nodes inside a body (distance < 0) in that state */
     double deepest;           /* m: depth of the deepest of them; 0 when none */
+    double drop;              /* m: slid off, how much lower than when draping began the highest point of the
+                               * fallen piece is, along gravity; of several the farthest. Else 0 */
     size_t nodes, free_nodes; /* after welding */
     size_t peak_bytes;        /* held by scene and sim together: the terms' sum, though what draping adds and
                                * what sewing adds are not held at the same time */
@@ -373,6 +379,26 @@ const drape_row *drape_sim_trace(const drape_sim *sim, size_t *ret_rows);
  * vertices and order: vertices of one seam share their position exactly. 3*vertices; valid until
  * the sim is freed. With max_iterations 0, the start. */
 const double *drape_sim_positions(const drape_sim *sim, size_t *ret_vertices);
+
+/* How the drape of drape_sim_positions fits; of the cloth by triangle, of the bodies by vertex, both in the
+ * job's own order. Strain is Green's and stress second Piola's, along the yarns of the pattern: force per
+ * rest width over the yarn's stretch l = sqrt(1 + 2E), so that S l is the force that a metre of rest width
+ * carries along the stretched yarn. A fabric's limit is the last strain of its curve: elongation l - 1 of
+ * weft and warp (nothing of it is used where compressed), |2 E_uv| of shear; NAN stands where there is no
+ * curve. The cloth lies on a body at a gap of up to the body's offset. */
+typedef struct drape_fit {
+    size_t vertices, triangles;
+    const double *strain;      /* 3*triangles: E_uu (weft), E_vv (warp), 2 E_uv (shear) */
+    const double *stress;      /* 3*triangles, N/m: S_uu, S_vv, S_uv, by curves where the fabric has them */
+    const double *utilization; /* 3*triangles: parts of the fabric's limit, see above; NULL without curves */
+    const double *pressure;    /* vertices, Pa: what all bodies push with, over the vertex's rest area (that
+                                * of all vertices sewn together); 0 where nothing touches */
+    const double *gap;         /* vertices, m: distance to the nearest body, < 0 inside; NAN past
+                                * DRAPE_REACH and for a vertex of no triangle */
+} drape_fit;
+
+/* NULL unless options.fit; valid after drape_sim_run returned >= 0, and lives as long as the sim. */
+const drape_fit *drape_sim_fit(const drape_sim *sim);
 
 /* ---- about the library ---------------------------------------------------------------------- */
 

@@ -95,6 +95,7 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
            plan->method == &dr_mixed || plan->method == &dr_mixed_touching, 0,
            "steps are taken from the factor alone");
     decide(plan, DR_TERM_CERTIFICATE, "certificate", options->certify, 0, "not asked for");
+    decide(plan, DR_TERM_FIT, "fit", options->fit, 0, "not asked for");
     for (int t = 0; t < DR_TERMS; t++)
         others += plan->term[t].bytes;
     decide(plan, DR_TERM_STATE, "state", true, dr_scene_bytes(scene) - others, "");
@@ -130,6 +131,8 @@ void dr_plan_compile(struct drape_sim *sim)
     decide_terms(plan, scene, &sim->options);
     plan->term[DR_TERM_STATE].bytes +=
         sizeof *sim + 3 * (scene->vertices + scene->mesh->nodes) * sizeof(double);
+    if (sim->fit)
+        plan->term[DR_TERM_FIT].bytes = dr_fit_bytes(sim->fit);
     plan->term[DR_TERM_TRACE].bytes = ((size_t)sim->options.max_iterations + 1) * sizeof *sim->row;
 }
 

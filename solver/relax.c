@@ -193,29 +193,54 @@ static bool above_start(const struct dr_state *s)
     return e->potential - held > s->sim->row[0].energy.potential + 1e-9 * size;
 }
 
+/* False without gravity. */
+static bool find_up(const struct dr_state *s, double up[3])
+{
+    const double *g = s->cloth->gravity;
+    double size = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    if (size == 0)
+        return false;
+    for (int d = 0; d < 3; d++)
+        up[d] = -g[d] / size;
+    return true;
+}
+
+/* How high the highest node of one part is. */
+static double top_of(const drape_scene *scene, size_t part, const double up[3], const double *x)
+{
+    double top = -INFINITY;
+    for (size_t i = 0; i < scene->mesh->nodes; i++)
+        if (scene->part[i] == part)
+            top = fmax(top, up[0] * x[3 * i] + up[1] * x[3 * i + 1] + up[2] * x[3 * i + 2]);
+    return top;
+}
+
 /* A piece that no pin holds has fallen below every body. */
 static bool slid_off(const struct dr_state *s)
 {
     const drape_scene *scene = s->sim->scene;
-    const double *g = s->cloth->gravity;
-    double size = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-    if (!scene->bodies || size == 0)
+    double up[3], lowest = INFINITY;
+    if (!scene->bodies || !find_up(s, up))
         return false;
-    const double up[3] = {-g[0] / size, -g[1] / size, -g[2] / size};
-    double lowest = INFINITY;
     for (size_t b = 0; b < scene->bodies; b++)
         lowest = fmin(lowest, dr_body_support_min(scene->body[b], up) - dr_body_offset(scene->body[b]));
     if (!(lowest > -INFINITY))
         return false;
-    for (size_t p = 0; p < scene->parts; p++) {
-        double top = -INFINITY;
-        for (size_t i = 0; i < scene->mesh->nodes && !scene->part_held[p]; i++)
-            if (scene->part[i] == p)
-                top = fmax(top, up[0] * s->x[3 * i] + up[1] * s->x[3 * i + 1] + up[2] * s->x[3 * i + 2]);
-        if (!scene->part_held[p] && top < lowest)
+    for (size_t p = 0; p < scene->parts; p++)
+        if (!scene->part_held[p] && top_of(scene, p, up, s->x) < lowest)
             return true;
-    }
     return false;
+}
+
+/* How much lower than at the start the top of a piece that no pin holds is, at most. */
+static double farthest_drop(const struct dr_state *s)
+{
+    const drape_scene *scene = s->sim->scene;
+    double up[3], farthest = 0;
+    for (size_t p = 0; find_up(s, up) && p < scene->parts; p++)
+        if (!scene->part_held[p])
+            farthest = fmax(farthest, top_of(scene, p, up, s->cloth->start) - top_of(scene, p, up, s->x));
+    return farthest;
 }
 
 /* ---- the run ------------------------------------------------------------------------------------- */
@@ -295,6 +320,8 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
         memcpy(s->x, s->best, 3 * mesh->nodes * sizeof *s->x);
         report->state = s->best_row;
     }
+    if (verdict == DRAPE_VERDICT_SLID_OFF)
+        report->drop = farthest_drop(s);
     if (s->cloth->contact)
         report->penetrations = dr_contact_penetrations(s->cloth->contact, s->x, &report->deepest);
     if (report->deepest > SUNK) {
@@ -425,6 +452,8 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
         sim->stage[DR_STAGE_PREPARE] = dr_clock() - began;
         status = iterate(&s, reterr);
     }
+    if (status >= 0 && sim->fit)
+        dr_fit_measure(sim->fit, s.cloth, x);
     release(&s);
     return status;
 }

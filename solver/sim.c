@@ -75,6 +75,10 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
         drape_sim_free(sim);
         return dr_out_of_memory(reterr);
     }
+    if (options->fit && (status = dr_fit_new(scene, &sim->fit, reterr)) < 0) {
+        drape_sim_free(sim);
+        return status;
+    }
     sim->scene = scene;
     sim->options = *options;
     atomic_init(&sim->cancelled, false);
@@ -87,6 +91,8 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
 drape_sim *drape_sim_free(drape_sim *sim)
 {
     if (sim) {
+        if (sim->fit) /* else not even a call */
+            dr_fit_free(sim->fit);
         free(sim->positions);
         free(sim->row);
         free(sim);
@@ -214,6 +220,11 @@ const double *drape_sim_positions(const drape_sim *sim, size_t *ret_vertices)
 {
     *ret_vertices = sim->scene->vertices;
     return sim->positions;
+}
+
+const drape_fit *drape_sim_fit(const drape_sim *sim)
+{
+    return sim->fit ? dr_fit_result(sim->fit) : NULL;
 }
 
 /* ---- about the library -------------------------------------------------------------------------- */

@@ -4,7 +4,7 @@
 
 #include <stdatomic.h>
 
-#include "cloth.h"
+#include "fit.h"
 
 /* Where the seconds go; dr_stage_name has their names. */
 enum dr_stage {
@@ -25,8 +25,9 @@ struct drape_sim {
     double began;            /* s, monotonic */
     double stage[DR_STAGES]; /* s */
     struct dr_plan plan;
-    double *positions; /* 3*vertices: the result */
-    drape_row *row;    /* max_iterations + 1 */
+    double *positions;  /* 3*vertices: the result */
+    drape_row *row;     /* max_iterations + 1 */
+    struct dr_fit *fit; /* NULL: not asked for */
     size_t rows;
     double
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */

@@ -300,6 +300,15 @@ void dr_stretch_stress(const struct dr_stretch *stretch, const double *x, const 
         stress_loop(stretch, x, w, stress, false);
 }
 
+void dr_stretch_strain(const struct dr_stretch *stretch, const double *x, double *strain)
+{
+    for (size_t t = 0; t < stretch->mesh->triangles; t++) {
+        double fu[3], fv[3];
+        gradient_of(stretch->mesh, t, x, fu, fv);
+        green_strain(fu, fv, strain + 3 * t);
+    }
+}
+
 /* Replaces the symmetric 2x2 (s0 s2; s2 s1) by its positive part, sum of max(lambda,0) v v'. */
 inlined void tensile_part(double s[3])
 {

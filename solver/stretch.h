@@ -23,6 +23,9 @@ size_t dr_stretch_curve_bytes(const struct dr_stretch *stretch); /* of the curve
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_stretch_energy(const struct dr_stretch *stretch, const double *x, double *g);
 
+/* Strain e at x, 3 per triangle. */
+void dr_stretch_strain(const struct dr_stretch *stretch, const double *x, double *strain);
+
 /* Stress at x, 3 per triangle, N/m; with w (3*nodes, else NULL) the stress that the *linear* step w
  * predicts, S = D(e(x) + B(x)w), on a curve S(e(x)) + D B(x)w with D = dS/de where positive, else 0.
  * Building the geometric stiffness from it keeps stiff cloth free to rotate: the stress at x + w holds the

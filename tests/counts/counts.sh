@@ -67,6 +67,7 @@ sphere     whole  sphere rk4 14 5
 curve      whole  curve rk4 14 5
 at-once    whole  plain at-once 14 1
 certify    whole  plain certify 14 1
+fit        whole  plain fit 14 1
 damned     rk4    sphere rk4 14 5
 large      whole  plain rk4 50 3
 LIST
@@ -87,6 +88,10 @@ check 'a certificate costs instructions and bytes' more certify at-once
 check 'a certificate runs its code' calls certify dr_certify
 check 'without one, none of it runs' calls_none at-once 'dr_(certify|matrix_lower_by_round_off)'
 is 'a certificate not asked for: no byte' "$(bytes_of at-once certificate)" 0
+check 'the measures of the fit cost instructions and bytes' more fit at-once
+check 'the measures of the fit run their code' calls fit dr_fit_measure
+check 'without them, none of it runs' calls_none at-once 'dr_(fit_|stretch_strain)'
+is 'a fit not asked for: no byte' "$(bytes_of at-once fit)" 0
 # libraries NAME: which of the numerical libraries it entered.
 libraries() { sed -nE 's/^c?ob=.*\/lib(cholmod|amd|openblas)[^/]*$/\1/p' "$work/$1/profile" | sort -u | paste -sd ' '; }
 check 'implicit steps factorise' calls steps dr_matrix_factorise
@@ -105,7 +110,7 @@ peak_bytes() {
     echo "malloc held $held bytes, the report says $peak"
     ((50 * (held > peak ? held - peak : peak - held) < held))
 }
-for name in steps auto rk4 limp sphere curve; do
+for name in steps auto rk4 limp sphere curve fit; do
     check "$name: peak_bytes is what malloc held" peak_bytes "$name"
 done
 

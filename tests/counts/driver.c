@@ -1,9 +1,10 @@
 /* driver.c - drapes one small square, for tests/counts/counts.sh to count what that costs.
  *
  * usage: driver SCENE METHOD CELLS ITERATIONS
- * (at-once and certify: auto with a tolerance that the first iteration meets, the second with a certificate)
- * Linked to the whole library, and to libraries whose unneeded parts are stubs that abort: drape_it must cost
- * the same. Prints what it asked of the allocator, and the terms of the plan. */
+ * (at-once, certify and fit: auto with a tolerance that the first iteration meets, the second with a
+ * certificate, the third with the measures of its fit) Linked to the whole library, and to libraries whose
+ * unneeded parts are stubs that abort: drape_it must cost the same. Prints what it asked of the allocator,
+ * and the terms of the plan. */
 #include <errno.h>
 #include <malloc.h>
 #include <stdio.h>
@@ -163,7 +164,9 @@ static drape_options options_of(const char *method, uint32_t iterations)
     options.tolerance = 1e-300;
     if (!strcmp(method, "certify"))
         options.certify = true;
-    if (!strcmp(method, "certify") || !strcmp(method, "at-once"))
+    if (!strcmp(method, "fit"))
+        options.fit = true;
+    if (options.certify || options.fit || !strcmp(method, "at-once"))
         options.tolerance = 1e300; /* at rest after one iteration */
     if (!strcmp(method, "auto") || options.tolerance > 1)
         return options;

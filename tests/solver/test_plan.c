@@ -133,7 +133,7 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
     assert_string_equal(
         left_out,
-        " strain-stress-curves contact friction self-contact sewing conjugate-gradients certificate");
+        " strain-stress-curves contact friction self-contact sewing conjugate-gradients certificate fit");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -184,6 +184,11 @@ static void take_newton(struct example *e)
     e->options.method = DRAPE_METHOD_NEWTON;
 }
 
+static void ask_for_the_fit(struct example *e)
+{
+    e->options.fit = true;
+}
+
 static void ask_for_more_iterations(struct example *e)
 {
     e->options.max_iterations = 5;
@@ -204,6 +209,7 @@ static void test_plan__a_change_moves_its_own_terms_alone(void **state)
         {take_quasi_static, " velocities"},
         {take_auto, " velocities conjugate-gradients"},
         {take_newton, " jacobian velocities"},
+        {ask_for_the_fit, " fit"},
         {ask_for_more_iterations, " trace"},
     };
     struct example e;

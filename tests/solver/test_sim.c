@@ -490,6 +490,14 @@ static void test_sim__cloth_lands_on_a_sphere_and_a_plane(void **state)
     drape_scene_free(scene);
 }
 
+static double highest(const double *x)
+{
+    double top = -INFINITY;
+    for (size_t i = 0; i < VERTICES; i++)
+        top = fmax(top, x[3 * i + 1]);
+    return top;
+}
+
 static void test_sim__a_piece_that_misses_the_body_slides_off(void **state)
 {
     (void)state;
@@ -502,6 +510,10 @@ static void test_sim__a_piece_that_misses_the_body_slides_off(void **state)
     drape_scene *scene;
     drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
     assert_int_equal(drape_sim_report(sim)->verdict, DRAPE_VERDICT_SLID_OFF);
+    size_t vertices;
+    double top = highest(drape_sim_positions(sim, &vertices));
+    assert_true(top < -0.2 - 0.05 - 0.003);
+    assert_close(drape_sim_report(sim)->drop, highest(e.positions) - top, 1e-12);
     drape_sim_free(sim);
     drape_scene_free(scene);
 }
@@ -607,6 +619,14 @@ static void test_sim__every_allocation_may_fail(void **state)
     e.options.method = DRAPE_METHOD_NEWTON;
     e.options.max_iterations = 2;
     failed += sweep(&e);
+    make(&e);
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 2;
+    long unmeasured = sweep(&e);
+    e.options.fit = true;
+    assert_int_equal(sweep(&e), unmeasured + 1);
+    failed += 2 * unmeasured + 1;
     for (int own = 0; own < 2; own++) { /* a certificate with the method's matrix, and with one of its own */
         make(&e);
         e.options.method = DRAPE_METHOD_STOP_AND_GO;
