@@ -12,6 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fitmap.h"
+
 /* 4.4: the magic, the version and the two chunk types, as little-endian numbers */
 #define GLB_MAGIC   0x46546C67u
 #define GLB_VERSION 2u
@@ -306,7 +308,7 @@ struct block {
     size_t items, width;
 };
 
-#define MAX_BLOCKS 4
+#define MAX_BLOCKS 8
 
 static size_t block_bytes(const struct block *block)
 {
@@ -346,8 +348,22 @@ static int append(json_t *array, json_t *value)
     return json_array_append_new(array, value);
 }
 
+/* The material's colour; a vertex colour is multiplied with it. */
+static json_t *base_color(const struct fitmap *fit)
+{
+    return fit ? json_pack("[f,f,f,f]", 1.0, 1.0, 1.0, 1.0) : json_pack("[f,f,f,f]", 0.55, 0.62, 0.78, 1.0);
+}
+
+/* What the colours mean. */
+static json_t *color_legend(const struct fitmap *fit)
+{
+    return json_pack("{s:{s:s, s:s, s:[f,f]}}", "COLOR_0", "map", "viridis", "of", "size of strain", "range",
+                     0.0, fit->full);
+}
+
 /* The glTF document as text, to be freed by the caller; NULL when out of memory. */
-static char *make_document(const struct block *block, size_t blocks, const char *name)
+static char *make_document(const struct block *block, size_t blocks, const struct fitmap *fit,
+                           const char *name)
 {
     json_t *views = json_array(), *accessors = json_array(), *attributes = json_object(), *root = NULL;
     char *text = NULL;
@@ -372,15 +388,18 @@ static char *make_document(const struct block *block, size_t blocks, const char 
     if (rc == 0)
         root = json_pack("{s:{s:s, s:s}, s:i, s:[{s:[i]}], s:[{s:i, s:s}],"
                          " s:[{s:s, s:[{s:O, s:i, s:i, s:i}]}],"
-                         " s:[{s:b, s:{s:f, s:f, s:[f,f,f,f]}}],"
+                         " s:[{s:b, s:{s:f, s:f, s:o}}],"
                          " s:[{s:I}], s:O, s:O}",
                          "asset", "version", "2.0", "generator", "draped", "scene", 0, "scenes", "nodes", 0,
                          "nodes", "mesh", 0, "name", name, "meshes", "name", name, "primitives", "attributes",
                          attributes, "indices", (int)blocks - 1, "material", 0, "mode", GL_TRIANGLES,
                          "materials", "doubleSided", 1, "pbrMetallicRoughness", "metallicFactor", 0.0,
-                         "roughnessFactor", 0.9, "baseColorFactor", 0.55, 0.62, 0.78, 1.0, "buffers",
-                         "byteLength", (json_int_t)offset, "bufferViews", views, "accessors", accessors);
-    if (root)
+                         "roughnessFactor", 0.9, "baseColorFactor", base_color(fit), "buffers", "byteLength",
+                         (json_int_t)offset, "bufferViews", views, "accessors", accessors);
+    if (root && fit)
+        rc = json_object_set_new(json_array_get(json_object_get(root, "meshes"), 0), "extras",
+                                 color_legend(fit));
+    if (root && rc == 0)
         text = json_dumps(root, JSON_COMPACT);
     json_decref(root);
     json_decref(views);
@@ -389,7 +408,8 @@ static char *make_document(const struct block *block, size_t blocks, const char 
     return text;
 }
 
-int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normals, const char *name)
+int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit,
+                       const char *name)
 {
     struct block block[MAX_BLOCKS];
     size_t blocks = 0, bin = 0;
@@ -398,11 +418,17 @@ int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normal
         block[blocks++] = (struct block){"VEC3", "NORMAL", normals, NULL, mesh->vertices, 3};
     if (mesh->pattern)
         block[blocks++] = (struct block){"VEC2", "TEXCOORD_0", mesh->pattern, NULL, mesh->vertices, 2};
+    if (fit) { /* 3.7.2.1: names of our own begin with an underscore */
+        block[blocks++] = (struct block){"VEC3", "COLOR_0", fit->color, NULL, mesh->vertices, 3};
+        block[blocks++] = (struct block){"VEC3", "_STRAIN", fit->strain, NULL, mesh->vertices, 3};
+        block[blocks++] = (struct block){"SCALAR", "_PRESSURE", fit->pressure, NULL, mesh->vertices, 1};
+        block[blocks++] = (struct block){"SCALAR", "_GAP", fit->gap, NULL, mesh->vertices, 1};
+    }
     block[blocks++] = (struct block){"SCALAR", NULL, NULL, mesh->triangle, 3 * mesh->triangles, 1};
     for (size_t i = 0; i < blocks; i++)
         bin += block_bytes(&block[i]);
 
-    char *text = make_document(block, blocks, name && *name ? name : "drape");
+    char *text = make_document(block, blocks, fit, name && *name ? name : "drape");
     if (!text)
         return -1;
     /* 4.4.3: chunks end on four bytes, the JSON one with blanks; all blocks hold 4-byte numbers */

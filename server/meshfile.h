@@ -34,9 +34,12 @@ int meshfile_parse(enum mesh_format format, const void *data, size_t bytes, cons
 int meshfile_from_json(const struct jsontext *json, const json_t *object, const char *pointer,
                        const struct limits *limits, struct mesh *ret, struct problem *reterr);
 
-/* Writers; `normals` (3*vertices, float32 precision is enough) may be NULL. 0 or -1 (errno). */
+struct fitmap; /* fitmap.h */
+
+/* Writers; `normals` (3*vertices, float32 precision is enough) and `fit` may be NULL. 0 or -1 (errno). */
 int meshfile_write_obj(FILE *file, const struct mesh *mesh, const double *normals);
-int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normals);
-int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normals, const char *name);
+int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit);
+int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit,
+                       const char *name);
 
 #endif

@@ -8,14 +8,17 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "fitmap.h"
 #include "plot.h"
 
 /* What every writer below may need; nothing in it is changed by them. */
 struct output {
     const struct job_spec *spec;
     const drape_report *report;
-    struct mesh mesh; /* the drape; borrows its arrays */
-    double *normals;  /* 3*vertices */
+    struct mesh mesh;            /* the drape; borrows its arrays */
+    double *normals;             /* 3*vertices */
+    const drape_fit *fit;        /* NULL: not asked for */
+    const struct fitmap *fitmap; /* likewise */
     const drape_row *row;
     size_t rows;
 };
@@ -97,13 +100,31 @@ static double *make_normals(const drape_scene_desc *scene, const double *positio
 /* The distance to rest is a difference of energies: all digits count. */
 #define TRACE_DIGITS  17
 #define NORMAL_DIGITS 6
+#define FIT_DIGITS    9
 
 static void put_numbers(FILE *file, const char *member, const double *value, size_t n, int digits)
 {
     fprintf(file, "\"%s\":[", member);
     for (size_t i = 0; i < n; i++)
-        fprintf(file, i > 0 ? ",%.*g" : "%.*g", digits, value[i]);
+        if (isfinite(value[i]))
+            fprintf(file, i > 0 ? ",%.*g" : "%.*g", digits, value[i]);
+        else
+            fputs(i > 0 ? ",null" : "null", file);
     fputs("],\n", file);
+}
+
+static void put_fit(FILE *file, const drape_fit *fit)
+{
+    fputs("\"fit\":{", file);
+    put_numbers(file, "strain", fit->strain, 3 * fit->triangles, FIT_DIGITS);
+    put_numbers(file, "stress", fit->stress, 3 * fit->triangles, FIT_DIGITS);
+    if (fit->utilization)
+        put_numbers(file, "utilization", fit->utilization, 3 * fit->triangles, FIT_DIGITS);
+    else
+        fputs("\"utilization\":null,\n", file);
+    put_numbers(file, "pressure", fit->pressure, fit->vertices, FIT_DIGITS);
+    put_numbers(file, "gap", fit->gap, fit->vertices, FIT_DIGITS);
+    fprintf(file, "\"reach\":%g},\n", DRAPE_REACH);
 }
 
 static int write_json(FILE *file, const struct output *output)
@@ -117,6 +138,8 @@ static int write_json(FILE *file, const struct output *output)
         fprintf(file, i > 0 ? ",%u" : "%u", mesh->triangle[i]);
     fputs("],\n", file);
     put_numbers(file, "pattern", mesh->pattern, 2 * mesh->vertices, POSITION_DIGITS);
+    if (output->fit)
+        put_fit(file, output->fit);
     fprintf(file, "\"verdict\":\"%s\"}\n", drape_verdict_name(output->report->verdict));
     return 0;
 }
@@ -128,12 +151,12 @@ static int write_obj(FILE *file, const struct output *output)
 
 static int write_ply(FILE *file, const struct output *output)
 {
-    return meshfile_write_ply(file, &output->mesh, output->normals);
+    return meshfile_write_ply(file, &output->mesh, output->normals, output->fitmap);
 }
 
 static int write_glb(FILE *file, const struct output *output)
 {
-    return meshfile_write_glb(file, &output->mesh, output->normals, output->spec->name);
+    return meshfile_write_glb(file, &output->mesh, output->normals, output->fitmap, output->spec->name);
 }
 
 /* ---- the trace -------------------------------------------------------------------------------- */
@@ -258,7 +281,7 @@ static int check_finite(const struct output *output, struct problem *reterr)
 }
 
 int output_write(int dirfd, const struct job_spec *spec, const drape_report *report, const double *positions,
-                 const drape_row *row, size_t rows, struct problem *reterr)
+                 const drape_fit *fit, const drape_row *row, size_t rows, struct problem *reterr)
 {
     static const struct {
         const char *name;
@@ -268,7 +291,9 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
                  {OUTPUT_RESULT_PLY, write_ply, true},       {OUTPUT_RESULT_GLB, write_glb, true},
                  {OUTPUT_TRACE_CSV, write_trace_csv, false}, {OUTPUT_TRACE_JSON, write_trace_json, false},
                  {OUTPUT_TRACE_SVG, write_trace_svg, false}};
-    struct output output = {.spec = spec, .report = report, .mesh = spec->cloth, .row = row, .rows = rows};
+    struct output output = {
+        .spec = spec, .report = report, .mesh = spec->cloth, .fit = fit, .row = row, .rows = rows};
+    struct fitmap map = {0};
     bool result = report->state.iteration > 0; /* the undraped start is no result */
     int rc = 0;
 
@@ -276,11 +301,15 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
     if (check_finite(&output, reterr))
         return -1;
     output.normals = make_normals(&spec->scene, positions);
-    if (!output.normals)
+    if (!output.normals || (fit && fitmap_new(fit, &spec->cloth, &map))) {
+        free(output.normals);
         return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
+    }
+    output.fitmap = fit ? &map : NULL;
     for (size_t i = 0; i < sizeof FILES / sizeof *FILES && rc == 0; i++)
         if (result || !FILES[i].result)
             rc = write_file(dirfd, FILES[i].name, FILES[i].writer, &output, reterr);
+    fitmap_done(&map);
     free(output.normals);
     return rc;
 }

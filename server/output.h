@@ -13,11 +13,12 @@
 #define OUTPUT_TRACE_JSON  "trace.json"
 #define OUTPUT_TRACE_SVG   "trace.svg"
 
-/* Writes and fsyncs all seven into the open folder `dirfd`. `positions`: 3*spec->cloth.vertices.
+/* Writes and fsyncs all seven into the open folder `dirfd`. `positions`: 3*spec->cloth.vertices. `fit`: NULL
+ * where the job did not ask for it.
  * Without a state better than the start, as with max_iterations 0, the result files are left out: the
  * undraped start is never a result.
  * Thread-safe (the SVG plot takes a lock). 0, or -1 with *reterr (PROBLEM_STORAGE). */
 int output_write(int dirfd, const struct job_spec *spec, const drape_report *report, const double *positions,
-                 const drape_row *row, size_t rows, struct problem *reterr);
+                 const drape_fit *fit, const drape_row *row, size_t rows, struct problem *reterr);
 
 #endif

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fitmap.h"
 #include "text.h"
 
 enum ply_type {
@@ -429,7 +430,7 @@ int ply_parse(const void *data, size_t bytes, const struct limits *limits, struc
 
 /* ---- writing --------------------------------------------------------------------------------- */
 
-int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normals)
+int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit)
 {
     fprintf(file, "ply\nformat binary_little_endian 1.0\ncomment draped: metres, y up; s t = flat pattern\n");
     fprintf(file, "element vertex %zu\nproperty float x\nproperty float y\nproperty float z\n",
@@ -438,6 +439,8 @@ int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normal
         fprintf(file, "property float nx\nproperty float ny\nproperty float nz\n");
     if (mesh->pattern)
         fprintf(file, "property float s\nproperty float t\n");
+    if (fit)
+        fprintf(file, "property float pressure\nproperty float gap\n");
     fprintf(file, "element face %zu\nproperty list uchar uint vertex_indices\nend_header\n", mesh->triangles);
     for (size_t i = 0; i < mesh->vertices; i++) {
         mesh_put_floats(file, mesh->positions + 3 * i, 3);
@@ -445,6 +448,10 @@ int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normal
             mesh_put_floats(file, normals + 3 * i, 3);
         if (mesh->pattern)
             mesh_put_floats(file, mesh->pattern + 2 * i, 2);
+        if (fit) {
+            mesh_put_floats(file, fit->pressure + i, 1);
+            mesh_put_floats(file, fit->gap + i, 1);
+        }
     }
     for (size_t i = 0; i < mesh->triangles; i++) {
         fputc(3, file);

@@ -256,6 +256,7 @@ json_t *schema_report_json(const drape_report *report)
     failed |= json_object_set_new(object, "residual_force", number(state->residual_force));
     failed |= json_object_set_new(object, "penetrations", count(report->penetrations));
     failed |= json_object_set_new(object, "deepest", number(report->deepest));
+    failed |= json_object_set_new(object, "drop", number(report->drop));
     failed |= json_object_set_new(object, "self_intersections", json_null()); /* not looked for yet */
     failed |= json_object_set_new(object, "certificate", certificate_json(&report->certificate));
     failed |= json_object_set_new(object, "reason", json_string(report->reason));

@@ -651,11 +651,12 @@ static int read_damping(struct reader *r, const json_t *solver, drape_options *r
     return get_number(r, damping, "/solver/damping", "material", &NOT_NEGATIVE, &ret->material_damping);
 }
 
-static int read_boolean(struct reader *r, const json_t *solver, const char *member, bool *ret)
+static int read_boolean(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                        bool *ret)
 {
-    const json_t *value = json_object_get(solver, member);
+    const json_t *value = json_object_get(object, member);
     if (value && !json_is_boolean(value))
-        return refuse(r, PROBLEM_INVALID, "/solver", member, "must be true or false");
+        return refuse(r, PROBLEM_INVALID, pointer, member, "must be true or false");
     *ret = value ? json_is_true(value) : *ret;
     return 0;
 }
@@ -675,24 +676,25 @@ static int read_solver(struct reader *r, const json_t *root)
         get_number(r, solver, "/solver", "time_step", &TIME_STEP, &options->time_step) ||
         get_number(r, solver, "/solver", "tolerance", &TOLERANCE, &options->tolerance) ||
         read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
-        read_damping(r, solver, options) || read_boolean(r, solver, "line_search", &options->line_search))
+        read_damping(r, solver, options) ||
+        read_boolean(r, solver, "/solver", "line_search", &options->line_search))
         return -1;
-    return read_boolean(r, solver, "certify", &options->certify);
+    return read_boolean(r, solver, "/solver", "certify", &options->certify);
 }
 
 /* ---- the job ---------------------------------------------------------------------------------- */
 
 static int read_job(struct reader *r)
 {
-    static const char *const MEMBERS[] = {"name",    "labels", "cloth",      "bodies", "self_contact",
-                                          "gravity", "solver", "start_from", NULL};
+    static const char *const MEMBERS[] = {"name",    "labels", "cloth", "bodies",     "self_contact",
+                                          "gravity", "solver", "fit",   "start_from", NULL};
     json_t *root = r->json.root;
     int self_contact = 0;
     if (check_object(r, root, "", MEMBERS) || refuse_present(r, root, "", "start_from") ||
         read_name(r, root) || read_labels(r, root) ||
         GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
         get_vector(r, root, "", "gravity", false, r->spec->scene.gravity) || read_solver(r, root) ||
-        read_cloth(r, root))
+        read_boolean(r, root, "", "fit", &r->spec->options.fit) || read_cloth(r, root))
         return -1;
     return read_bodies(r, root);
 }

@@ -93,7 +93,8 @@ static int write_results(struct run *run, struct problem *reterr)
         return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     if (store_results_begin(task->store, task->id, task->attempt, &dirfd, reterr) != 0)
         return -1;
-    int failed = output_write(dirfd, run->spec, report, positions, row, rows, reterr);
+    int failed =
+        output_write(dirfd, run->spec, report, positions, drape_sim_fit(run->sim), row, rows, reterr);
     close(dirfd);
     return failed;
 }

@@ -550,7 +550,12 @@ typedef int write_fn(FILE *file, const struct mesh *mesh, const double *normals)
 
 static int write_glb(FILE *file, const struct mesh *mesh, const double *normals)
 {
-    return meshfile_write_glb(file, mesh, normals, "a \"name\" \xc3\xa4");
+    return meshfile_write_glb(file, mesh, normals, NULL, "a \"name\" \xc3\xa4");
+}
+
+static int write_ply(FILE *file, const struct mesh *mesh, const double *normals)
+{
+    return meshfile_write_ply(file, mesh, normals, NULL);
 }
 
 static void test_meshfile__what_is_written_reads_back(void **state)
@@ -560,9 +565,8 @@ static void test_meshfile__what_is_written_reads_back(void **state)
         enum mesh_format format;
         write_fn *write;
         double tolerance;
-    } CASE[] = {{MESH_OBJ, meshfile_write_obj, 1e-8},
-                {MESH_PLY, meshfile_write_ply, 1e-7},
-                {MESH_GLB, write_glb, 1e-7}};
+    } CASE[] = {
+        {MESH_OBJ, meshfile_write_obj, 1e-8}, {MESH_PLY, write_ply, 1e-7}, {MESH_GLB, write_glb, 1e-7}};
     for (size_t i = 0; i < COUNT(CASE); i++)
         for (int variant = 0; variant < 4; variant++) { /* with and without pattern and normals */
             struct mesh mesh = make_strip(10), back = {0};
@@ -591,7 +595,7 @@ static void test_meshfile__a_full_disk_shows(void **state)
 {
     (void)state;
     struct mesh mesh = make_strip(10000);
-    write_fn *const WRITE[] = {meshfile_write_obj, meshfile_write_ply, write_glb};
+    write_fn *const WRITE[] = {meshfile_write_obj, write_ply, write_glb};
     for (size_t i = 0; i < COUNT(WRITE); i++) {
         FILE *file = fopen("/dev/full", "w");
         assert_non_null(file);
@@ -611,7 +615,7 @@ static void test_glb__written_file_keeps_the_rules_of_gltf(void **state)
     size_t bytes = 0;
     uint32_t word[5];
     FILE *file = open_memstream(&data, &bytes);
-    assert_int_equal(meshfile_write_glb(file, &mesh, normals, ""), 0);
+    assert_int_equal(meshfile_write_glb(file, &mesh, normals, NULL, ""), 0);
     fclose(file);
     memcpy(word, data, sizeof word);
     assert_int_equal(word[0], 0x46546C67);

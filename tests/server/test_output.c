@@ -21,6 +21,8 @@ struct fixture {
     struct job_spec *spec;
     drape_report report;
     drape_row row[3];
+    double strain[6], stress[6], pressure[6], gap[6];
+    drape_fit fit;
     char dir[64];
     int dirfd;
 };
@@ -52,6 +54,13 @@ static int set_up(void **state)
                                 .time_step = 0.02,
                                 .factorizations = i == 0 ? 3 : 1,
                                 .energy = {.stretch = 1.0 / 3, .potential = -0.25}};
+    f->fit = (drape_fit){6, 2, f->strain, f->stress, NULL, f->pressure, f->gap};
+    for (size_t i = 0; i < 6; i++) {
+        f->strain[i] = 0.01 * (double)(i + 1);
+        f->stress[i] = 100 * f->strain[i];
+        f->pressure[i] = 8 * (double)i;
+        f->gap[i] = i < 5 ? 0.0025 * (double)i : NAN;
+    }
     snprintf(f->dir, sizeof f->dir, "/tmp/test_output.XXXXXX");
     if (!mkdtemp(f->dir))
         return -1;
@@ -72,7 +81,7 @@ static int tear_down(void **state)
 
 static int write_all(struct fixture *f, struct problem *reterr)
 {
-    return output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, f->row, 3, reterr);
+    return output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, NULL, f->row, 3, reterr);
 }
 
 static size_t count_files(const struct fixture *f)
@@ -187,6 +196,111 @@ static void test_output__mesh_files_read_back(void **state)
     }
 }
 
+static int write_fit(struct fixture *f)
+{
+    struct problem problem;
+    return output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, &f->fit, f->row, 3,
+                        &problem);
+}
+
+static void test_output__the_fit_is_in_the_json_where_asked_for(void **state)
+{
+    struct fixture *f = *state;
+    assert_int_equal(write_fit(f), 0);
+    json_t *json = read_json(f, OUTPUT_RESULT_JSON), *fit = json_object_get(json, "fit");
+    assert_int_equal(json_object_size(json), 6);
+    assert_int_equal(json_object_size(fit), 6);
+    assert_int_equal(json_array_size(json_object_get(fit, "strain")), 6);
+    assert_int_equal(json_array_size(json_object_get(fit, "gap")), 6);
+    assert_close(at(json_object_get(fit, "strain"), 4), 0.05, 1e-9);
+    assert_close(at(json_object_get(fit, "stress"), 5), 6, 1e-9);
+    assert_close(at(json_object_get(fit, "pressure"), 3), 24, 0);
+    assert_close(at(json_object_get(fit, "gap"), 4), 0.01, 0);
+    assert_true(json_is_null(json_array_get(json_object_get(fit, "gap"), 5)));
+    assert_true(json_is_null(json_object_get(fit, "utilization")));
+    assert_close(at(json_object_get(json, "positions"), 13), 1, 0);
+    json_decref(json);
+
+    const double part[6] = {0.5, 0, NAN, 0.25, 1.5, NAN};
+    f->fit.utilization = part;
+    assert_int_equal(write_fit(f), 0);
+    json = read_json(f, OUTPUT_RESULT_JSON);
+    const json_t *utilization = json_object_get(json_object_get(json, "fit"), "utilization");
+    assert_close(at(utilization, 4), 1.5, 0);
+    assert_true(json_is_null(json_array_get(utilization, 5)));
+    json_decref(json);
+}
+
+/* The numbers of the accessor that the GLB gives an attribute, from its binary chunk. */
+static const float *attribute(const char *glb, const json_t *root, const char *name, const char *type)
+{
+    const json_t *primitive =
+        json_array_get(json_object_get(json_array_get(json_object_get(root, "meshes"), 0), "primitives"), 0);
+    const json_t *index = json_object_get(json_object_get(primitive, "attributes"), name);
+    assert_true(json_is_integer(index));
+    const json_t *accessor =
+        json_array_get(json_object_get(root, "accessors"), (size_t)json_integer_value(index));
+    assert_string_equal(json_string_value(json_object_get(accessor, "type")), type);
+    assert_int_equal(json_integer_value(json_object_get(accessor, "componentType")), 5126);
+    assert_int_equal(json_integer_value(json_object_get(accessor, "count")), 6);
+    const json_t *view = json_array_get(json_object_get(root, "bufferViews"),
+                                        (size_t)json_integer_value(json_object_get(accessor, "bufferView")));
+    uint32_t json_bytes;
+    memcpy(&json_bytes, glb + 12, sizeof json_bytes);
+    return (const float *)(const void *)(glb + 28 + json_bytes +
+                                         json_integer_value(json_object_get(view, "byteOffset")));
+}
+
+/* In numbers that the format allows, and still a mesh that reads back. */
+static void test_output__glb_and_ply_carry_the_fit_by_vertex(void **state)
+{
+    struct fixture *f = *state;
+    struct mesh mesh = {0};
+    struct problem problem;
+    size_t bytes;
+    assert_int_equal(write_fit(f), 0);
+    char *glb = read_file(f, OUTPUT_RESULT_GLB, &bytes);
+    uint32_t json_bytes;
+    memcpy(&json_bytes, glb + 12, sizeof json_bytes);
+    json_t *root = json_loadb(glb + 20, json_bytes, 0, NULL);
+    assert_non_null(root);
+    const float *pressure = attribute(glb, root, "_PRESSURE", "SCALAR");
+    const float *gap = attribute(glb, root, "_GAP", "SCALAR");
+    const float *strain = attribute(glb, root, "_STRAIN", "VEC3");
+    const float *color = attribute(glb, root, "COLOR_0", "VEC3");
+    for (size_t i = 0; i < 6; i++) {
+        assert_near((double)pressure[i], f->pressure[i], 1e-6, 1);
+        assert_near((double)gap[i], i < 5 ? f->gap[i] : DRAPE_REACH, 1e-7, 1);
+        for (size_t k = 0; k < 3; k++) { /* each vertex has one triangle */
+            assert_near((double)strain[3 * i + k], f->strain[i / 3 * 3 + k], 1e-7, 1);
+            assert_true(color[3 * i + k] >= 0 && color[3 * i + k] <= 1);
+        }
+    }
+    const json_t *material = json_array_get(json_object_get(root, "materials"), 0);
+    const json_t *white =
+        json_object_get(json_object_get(material, "pbrMetallicRoughness"), "baseColorFactor");
+    for (size_t k = 0; k < 4; k++)
+        assert_close(at(white, k), 1, 0); /* or it would tint the map */
+    const json_t *extras = json_object_get(json_array_get(json_object_get(root, "meshes"), 0), "extras");
+    assert_close(at(json_object_get(json_object_get(extras, "COLOR_0"), "range"), 1),
+                 sqrt(0.04 * 0.04 + 0.05 * 0.05 + 0.06 * 0.06 / 2), 1e-12);
+    json_decref(root);
+    assert_int_equal(meshfile_parse(MESH_GLB, glb, bytes, &limits_default, &mesh, &problem), 0);
+    mesh_done(&mesh);
+    free(glb);
+
+    char *ply = read_file(f, OUTPUT_RESULT_PLY, &bytes);
+    assert_non_null(strstr(ply, "property float pressure\nproperty float gap\n"));
+    assert_int_equal(meshfile_parse(MESH_PLY, ply, bytes, &limits_default, &mesh, &problem), 0);
+    assert_memory_equal(mesh.triangle, f->spec->scene.triangle, 6 * sizeof(uint32_t));
+    float row[10]; /* of the second vertex */
+    memcpy(row, strstr(ply, "end_header\n") + strlen("end_header\n") + sizeof row, sizeof row);
+    assert_near((double)row[8], f->pressure[1], 1e-6, 1);
+    assert_near((double)row[9], f->gap[1], 1e-7, 1);
+    mesh_done(&mesh);
+    free(ply);
+}
+
 static void test_output__trace_csv_is_as_the_contract_has_it(void **state)
 {
     struct fixture *f = *state;
@@ -240,7 +354,7 @@ static void test_output__evaluated_start_has_a_trace_and_no_result(void **state)
     struct problem problem;
     f->report.state.iteration = 0;
     assert_int_equal(
-        output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, f->row, 1, &problem), 0);
+        output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, NULL, f->row, 1, &problem), 0);
     assert_int_equal(count_files(f), 3);
     assert_int_equal(faccessat(f->dirfd, OUTPUT_RESULT_JSON, F_OK, 0), -1);
     assert_int_equal(faccessat(f->dirfd, OUTPUT_TRACE_SVG, F_OK, 0), 0);
@@ -252,7 +366,7 @@ static void test_output__drape_that_is_not_finite_is_no_result(void **state)
     struct problem problem;
     double positions[18] = {0};
     positions[7] = NAN;
-    assert_int_equal(output_write(f->dirfd, f->spec, &f->report, positions, f->row, 3, &problem), -1);
+    assert_int_equal(output_write(f->dirfd, f->spec, &f->report, positions, NULL, f->row, 3, &problem), -1);
     assert_int_equal(problem.code, PROBLEM_SOLVER);
     assert_non_null(strstr(problem.detail, "vertex 2"));
     assert_int_equal(count_files(f), 0);
@@ -284,8 +398,8 @@ static void test_output__folder_that_refuses_is_told(void **state)
 {
     struct fixture *f = *state;
     struct problem problem;
-    assert_int_equal(output_write(-1, f->spec, &f->report, f->spec->scene.positions, f->row, 3, &problem),
-                     -1);
+    assert_int_equal(
+        output_write(-1, f->spec, &f->report, f->spec->scene.positions, NULL, f->row, 3, &problem), -1);
     assert_int_equal(problem.code, PROBLEM_STORAGE);
     assert_non_null(strstr(problem.detail, OUTPUT_RESULT_JSON));
 }
@@ -321,6 +435,8 @@ int main(void)
         TEST(test_output__result_json_has_the_members_of_the_contract),
         TEST(test_output__normals_are_weighted_by_area_and_smooth_across_seams),
         TEST(test_output__mesh_files_read_back),
+        TEST(test_output__the_fit_is_in_the_json_where_asked_for),
+        TEST(test_output__glb_and_ply_carry_the_fit_by_vertex),
         TEST(test_output__trace_csv_is_as_the_contract_has_it),
         TEST(test_output__trace_json_says_the_same),
         TEST(test_output__trace_svg_is_a_picture),

@@ -165,6 +165,18 @@ static void test_schema__solver_options_are_read(void **state)
     job_spec_free(spec);
 }
 
+static void test_schema__the_fit_is_measured_where_asked_for(void **state)
+{
+    (void)state;
+    static const char *const ANSWER[] = {"true", "false"};
+    for (int i = 0; i < 2; i++) {
+        struct job_spec *spec = parse_with("/fit", ANSWER[i]);
+        assert_int_equal(spec->options.fit, i == 0);
+        job_spec_free(spec);
+    }
+    assert_false(drape_options_default().fit);
+}
+
 static void test_schema__bodies_of_every_kind_are_read(void **state)
 {
     (void)state;
@@ -433,6 +445,8 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/gravity", "-9.81", NULL},
         {"/self_contact", "\"maybe\"", NULL},
         {"/self_contact", "false", NULL},
+        {"/fit", "1", NULL},
+        {"/solver/fit", "true", NULL},
         {"/solver", "[]", NULL},
         {"/solver/method", "\"magic\"", NULL},
         {"/solver/stop_on", "\"never\"", NULL},
@@ -462,7 +476,8 @@ static void test_schema__what_the_contract_has_and_this_version_not_is_unsupport
     (void)state;
     static const struct refusal REFUSAL[] = {
         {"/bodies/0/motion", "[]", NULL},
-        {"/bodies/0/motion_seconds", "1", NULL}, {"/start_from", "\"0123\"", NULL},
+        {"/bodies/0/motion_seconds", "1", NULL},
+        {"/start_from", "\"0123\"", NULL},
         {"/self_contact", "\"on\"", NULL},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
@@ -812,6 +827,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "residual_force",
                                           "penetrations",
                                           "deepest",
+                                          "drop",
                                           "self_intersections",
                                           "certificate",
                                           "reason",
@@ -821,6 +837,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
         .stop_on = DRAPE_STOP_ON_KINETIC,
         .reason = "the residual force fell below the tolerance",
         .iterations = 12,
+        .drop = 0.312,
         .peak_bytes = (size_t)5 << 30,
         .terms = 2,
         .term = {{"stretch", true, 100, ""}, {"contact", false, 0, "no body in the scene"}},
@@ -835,6 +852,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
     assert_true(json_integer_value(json_object_get(json, "peak_bytes")) == (json_int_t)5 << 30);
     assert_close(json_number_value(json_object_get(json_object_get(json, "stages"), "assemble")), 0.5, 0);
     assert_true(json_is_null(json_object_get(json, "certificate")));
+    assert_close(json_number_value(json_object_get(json, "drop")), 0.312, 0);
     assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "estimate");
     json_decref(json);
 }
@@ -950,6 +968,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_schema__least_job_takes_the_solver_defaults),
         cmocka_unit_test(test_schema__solver_options_are_read),
+        cmocka_unit_test(test_schema__the_fit_is_measured_where_asked_for),
         cmocka_unit_test(test_schema__bodies_of_every_kind_are_read),
         cmocka_unit_test(test_schema__explicit_material_fills_the_isotropic_shear_and_twist),
         cmocka_unit_test(test_schema__strain_stress_curves_are_read),
