@@ -134,6 +134,15 @@ static void put_certificate(FILE *file, const json_t *certificate)
     fputc('\n', file);
 }
 
+static void put_drop(FILE *file, const json_t *report)
+{
+    const json_t *drop = json_object_get(report, "drop");
+    if (json_number_value(drop) > 0) {
+        put_label(file, "slid off");
+        fprintf(file, "by %.0f mm\n", 1000 * json_number_value(drop));
+    }
+}
+
 static void put_contacts(FILE *file, const json_t *report)
 {
     const json_t *inside = json_object_get(report, "penetrations");
@@ -163,6 +172,7 @@ static void put_report(FILE *file, const json_t *report)
     put_energies(file, json_object_get(report, "energies"));
     put_residuals(file, report);
     put_certificate(file, json_object_get(report, "certificate"));
+    put_drop(file, report);
     put_contacts(file, report);
 }
 

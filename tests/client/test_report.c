@@ -46,6 +46,18 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
     free(text);
 }
 
+static void test_report__shows_how_far_a_piece_slid_off(void **state)
+{
+    (void)state;
+    char *text = job_text("{\"id\":\"j1\",\"status\":\"succeeded\",\"verdict\":\"slid-off\","
+                          "\"report\":{\"reason\":\"it fell\",\"drop\":0.3121}}");
+    assert_non_null(strstr(text, "slid off       by 312 mm\n"));
+    free(text);
+    text = job_text("{\"id\":\"j1\",\"verdict\":\"at-rest\",\"report\":{\"drop\":0}}");
+    assert_null(strstr(text, "slid off"));
+    free(text);
+}
+
 static void test_report__shows_the_error_of_a_failed_job(void **state)
 {
     (void)state;
@@ -102,6 +114,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_report__shows_verdict_reason_counts_and_energies),
+        cmocka_unit_test(test_report__shows_how_far_a_piece_slid_off),
         cmocka_unit_test(test_report__shows_the_error_of_a_failed_job),
         cmocka_unit_test(test_report__trace_keeps_first_and_last_rows),
     };
