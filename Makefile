@@ -25,8 +25,8 @@ TESTS       := $(TEST_SRC:tests/%.c=$(TBIN)/%)
 FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
-ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) tests/api/measure.c \
-           $(wildcard tests/stability/*.c tests/counts/*.c)
+ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) \
+           $(wildcard tests/api/*.c tests/stability/*.c tests/counts/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -164,14 +164,15 @@ $(TBIN)/counts/$(1): $(OBJ)/tests/counts/driver.o $(OBJ)/tests/counts/stubs-$(1)
 endef
 $(foreach c,$(COUNTS),$(eval $(call counts_program,$(c))))
 
-# What the API tests measure a drape with: shares no code with the solver.
-$(TBIN)/api/measure: $(OBJ)/tests/api/measure.o
+# What the API tests measure a drape with: these share no code with the solver.
+API_TOOLS := $(patsubst tests/%.c,$(TBIN)/%,$(wildcard tests/api/*.c))
+$(TBIN)/api/%: $(OBJ)/tests/api/%.o
 	$(LINK) -lm
 
 .SECONDARY:
 
 .PHONY: tests unit-tests fuzzers
-tests: $(TESTS) $(TBIN)/api/measure $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
+tests: $(TESTS) $(API_TOOLS) $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
 unit-tests: $(UNIT_TESTS)
 fuzzers: $(FUZZERS)
 
