@@ -8,6 +8,7 @@ if [[ ! -r $shared/bodies/body_f_A.obj ]]; then
 fi
 start_daemon --workers 2
 measure=build/release/tests/api/measure
+crossings=build/release/tests/api/crossings
 
 # drape NAME SECONDS VERDICTS [OPTION...]
 drape() {
@@ -27,6 +28,9 @@ drape() {
     is "$name: it has the garment's vertices" "$(grep -c '^v ' "$body")" "$(grep -c '^v ' "$shared/garments/$name.obj")"
     "$measure" "$work/$name.obj" "$shared/garments/$name.seams" "$shared/bodies/body_f_A.obj" >"$work/$name.measure"
     echo "# $name: measured $(cat "$work/$name.measure")"
+    "$crossings" "$work/$name.obj" "$shared/bodies/body_f_A.obj" >"$work/$name.crossings"
+    jq -r --arg name "$name" '"# \($name): \(.cloth_body.crossings) crossings with the body and \(.cloth_body.touches) touches, "
+        + "\(.cloth_cloth.crossings) with itself and \(.cloth_cloth.touches)"' "$work/$name.crossings"
     json "$name: every position is finite" '.finite' "$work/$name.measure"
     json "$name: no vertex lies more than 1 mm inside the body" '.deepest <= 0.001' "$work/$name.measure"
     json "$name: no seam is open" '.seam_gap <= 1e-6' "$work/$name.measure"
@@ -37,5 +41,8 @@ drape shirt_coarse 300 'at-rest'
 # Without friction nothing holds a skirt up but its waist: it may slide, and must then say so. A minute
 # is not enough for it to rest.
 drape skirt8 300 'at-rest|not-at-rest|slid-off' --time-limit 60
+# Its edges are 12 mm; between the vertices of the shirt's 30 mm the body comes through.
+json 'skirt8: it neither crosses nor touches the body' '.cloth_body.crossings + .cloth_body.touches == 0' \
+    "$work/skirt8.crossings"
 stop_daemon; is 'the daemon stops with status 0' "$status" 0
 finish
