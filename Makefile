@@ -219,6 +219,12 @@ bench-wrinkles: ## compare every method on the paper's wrinkle test, 19 250 tria
 	@$(MAKE) --no-print-directory $(JOBS) all
 	@tests/bench/wrinkles.sh
 
+.PHONY: bench-garments
+bench-garments: ## drape real garments on a real body (up to two hours): build/bench-garments.md, pictures
+	@tests/packages.sh build
+	@$(MAKE) --no-print-directory $(JOBS) all $(API_TOOLS)
+	@tests/bench/garments.sh
+
 .PHONY: cover
 cover: ## run the unit and physics tests with gcov; line coverage per file
 	@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=cover tests
