@@ -128,6 +128,16 @@ static void go_along(struct dr_state *s, double length)
     }
 }
 
+/* DIRECTION conjugate to the last one, from the residual r and z = A+^-1 r; KEPT with it. */
+static void next_direction(struct dr_state *s, const double *r, const double *z, double beta)
+{
+    double *p = s->extra[DIRECTION], *kept = s->extra[KEPT];
+    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++) {
+        p[i] = z[i] + beta * p[i];
+        kept[i] = r[i] + beta * kept[i];
+    }
+}
+
 /* How far to go along DIRECTION, `most` or a half, a quarter... of it, down to `least`: a false stretch of
  * more than the decrease is worth would undo it. `slope` is what the model gains per length there. */
 static double worthwhile(struct dr_state *s, double most, double least, double slope, double curved)
@@ -171,10 +181,7 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
             rz = dr_state_dot(s, r, z);
             if (!(rz > CG_PRECISION * CG_PRECISION * first))
                 break;
-            for (size_t i = 0; i < count; i++) {
-                p[i] = z[i] + rz / last * p[i];
-                kept[i] = r[i] + rz / last * kept[i];
-            }
+            next_direction(s, r, z, rz / last);
         }
         double along = dr_state_dot(s, p, kept), curved = curvature(s, along);
         double most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
@@ -232,7 +239,7 @@ static bool go_touching(struct dr_state *s, double rz)
 static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *reterr)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
-    double *r = s->extra[TOUCHING], *p = s->extra[DIRECTION], *kept = s->extra[KEPT], *z = s->x_next;
+    double *r = s->extra[TOUCHING], *kept = s->extra[KEPT], *z = s->x_next;
     double enough = GAP_PRECISION * GAP_PRECISION * rz;
     memcpy(kept, r, count * sizeof *kept);
     for (int k = 0; k < MOST_TOUCH && rz > enough && go_touching(s, rz); k++) {
@@ -242,10 +249,7 @@ static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *r
         s->solves++;
         double last = rz;
         rz = dr_state_dot(s, r, z);
-        for (size_t i = 0; i < count; i++) {
-            p[i] = z[i] + rz / last * p[i];
-            kept[i] = r[i] + rz / last * kept[i];
-        }
+        next_direction(s, r, z, rz / last);
     }
     return DRAPE_OK;
 }
