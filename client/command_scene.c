@@ -25,7 +25,8 @@ enum {
     OPTION_FRICTION,
     OPTION_OFFSET,
     OPTION_NAME,
-    OPTION_SELF_CONTACT
+    OPTION_SELF_CONTACT,
+    OPTION_THICKNESS
 };
 
 static const struct argp_option options[] = {
@@ -37,7 +38,8 @@ static const struct argp_option options[] = {
     {"name", OPTION_NAME, "TEXT", 0, "What to call the job (the garment's file name)", 1},
     {"friction", OPTION_FRICTION, "MU", 0, "Between cloth and bodies", 1},
     {"offset", OPTION_OFFSET, "M", 0, "Distance at which a body is felt (m)", 1},
-    {"self-contact", OPTION_SELF_CONTACT, "auto|on|off", 0, "Whether cloth meets cloth", 1},
+    {"self-contact", OPTION_SELF_CONTACT, "auto|on|off", 0, "Whether cloth feels cloth", 1},
+    {"thickness", OPTION_THICKNESS, "M", 0, "Distance at which cloth feels cloth (m)", 1},
     {NULL, 0, NULL, 0, "How to solve it (the server's defaults hold otherwise):", 2},
     {"method", 'M', "NAME", 0, "auto, stop-and-go, dynamic, ...", 2},
     {"stop-on", OPTION_STOP_ON, "potential|kinetic", 0, "When stop-and-go stops", 2},
@@ -118,6 +120,9 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case OPTION_SELF_CONTACT:
         scene->self_contact = argument;
+        return 0;
+    case OPTION_THICKNESS:
+        scene->thickness = cli_number(state, "thickness", argument, 1e-6, 1);
         return 0;
     case ARGP_KEY_ARG:
         argp_error(state, "\"%s\" is not an option; files go with --garment, --seams and --body", argument);

@@ -158,7 +158,14 @@ static void put_contacts(FILE *file, const json_t *report)
     const json_t *crossings = json_object_get(report, "self_intersections");
     if (json_is_integer(crossings)) {
         put_label(file, "self-crossings");
-        fprintf(file, "%lld\n", (long long)json_integer_value(crossings));
+        fprintf(file, "%lld edges through triangles\n", (long long)json_integer_value(crossings));
+    }
+    const json_t *where = json_object_get(report, "intersection");
+    if (json_array_size(where) == 3) {
+        put_label(file, "intersects at");
+        for (size_t d = 0; d < 3; d++) {
+            fprintf(file, "%.4g%s", json_number_value(json_array_get(where, d)), d < 2 ? ", " : " m\n");
+        }
     }
 }
 

@@ -13,6 +13,7 @@
 struct scene scene_default(void)
 {
     return (struct scene){
+        .thickness = -1,
         .body_offset = -1,
         .body_friction = -1,
         .solver = {.time_step = -1, .tolerance = -1, .time_limit = -1, .max_iterations = -1},
@@ -121,6 +122,9 @@ static int write_cloth(FILE *file, const struct scene *scene)
     }
     fprintf(file, ",\n");
     int status = write_material(file, &scene->material);
+    if (scene->thickness >= 0) {
+        fprintf(file, ", \"thickness\": " NUMBER, scene->thickness);
+    }
     fprintf(file, "}");
     return status;
 }

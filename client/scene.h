@@ -32,6 +32,7 @@ struct scene {
     struct scene_material material;
     struct surface *body; /* bodies */
     size_t bodies;
+    double thickness;                  /* m: at which cloth feels cloth. Negative: the server's default */
     double body_offset, body_friction; /* m; Coulomb. Negative: the server's default */
     const char *self_contact;          /* borrowed; may be NULL */
     struct scene_solver solver;

@@ -36,6 +36,8 @@ static const struct member SCENE_MEMBER[] = {{"gravity", "gravity"},
                                              {"triangle_material", "cloth/triangle_material"},
                                              {"body", "bodies"},
                                              {"bodies", "bodies"},
+                                             {"self_contact", "self_contact"},
+                                             {"thickness", "cloth/thickness"},
                                              {NULL, NULL}};
 static const struct member OPTION_MEMBER[] = {
     {"method", "method"},           {"stop_on", "stop_on"},
@@ -210,6 +212,14 @@ static json_t *integrator_json(const drape_report *report)
     return json_string(drape_integrator_name(report->integrator));
 }
 
+/* null where there is none. */
+static json_t *place_json(const double place[3])
+{
+    if (!isfinite(place[0]))
+        return json_null();
+    return json_pack("[fff]", place[0], place[1], place[2]);
+}
+
 static json_t *certificate_json(const drape_certificate *certificate)
 {
     json_t *object = json_object();
@@ -257,7 +267,10 @@ json_t *schema_report_json(const drape_report *report)
     failed |= json_object_set_new(object, "penetrations", count(report->penetrations));
     failed |= json_object_set_new(object, "deepest", number(report->deepest));
     failed |= json_object_set_new(object, "drop", number(report->drop));
-    failed |= json_object_set_new(object, "self_intersections", json_null()); /* not looked for yet */
+    failed |= json_object_set_new(
+        object, "self_intersections",
+        report->self_intersections == DRAPE_NOT_COUNTED ? json_null() : count(report->self_intersections));
+    failed |= json_object_set_new(object, "intersection", place_json(report->intersection));
     failed |= json_object_set_new(object, "certificate", certificate_json(&report->certificate));
     failed |= json_object_set_new(object, "reason", json_string(report->reason));
     return finish(object, failed);

@@ -13,8 +13,6 @@
 
 #include "materials.h"
 
-/* Thicker than any cloth; a larger number is a length in the wrong unit. */
-#define MAX_THICKNESS 0.02
 /* Names of labels; their values may be as long as a job's name. */
 #define MAX_LABEL_NAME 64
 #define SHA256_DIGITS  64
@@ -443,10 +441,8 @@ static int read_cloth(struct reader *r, const json_t *root)
 {
     static const char *const MEMBERS[] = {"mesh",      "seams", "pins", "materials", "triangle_material",
                                           "thickness", NULL};
-    static const struct range THICKNESS = {0, MAX_THICKNESS, "must be between 0 and 0.02 m"};
     struct job_spec *spec = r->spec;
     const json_t *cloth = json_object_get(root, "cloth");
-    double thickness = 0; /* checked only: body offsets are measured from the middle of the cloth */
     if (!cloth)
         return refuse(r, PROBLEM_INVALID, "", "cloth", "is missing");
     if (check_object(r, cloth, "/cloth", MEMBERS) || read_mesh(r, cloth, "/cloth", &spec->cloth))
@@ -458,7 +454,7 @@ static int read_cloth(struct reader *r, const json_t *root)
         get_indices(r, cloth, "/cloth", "pins", 1, vertices, &spec->pin, &spec->scene.pins) ||
         read_materials(r, cloth) || read_triangle_material(r, cloth))
         return -1;
-    return get_number(r, cloth, "/cloth", "thickness", &THICKNESS, &thickness);
+    return get_number(r, cloth, "/cloth", "thickness", &ANY, &spec->scene.thickness);
 }
 
 /* ---- bodies ----------------------------------------------------------------------------------- */
@@ -595,7 +591,9 @@ static const struct choice INTEGRATOR[] = {{"backward-euler", DRAPE_BACKWARD_EUL
                                            {"bdf2", DRAPE_BDF2, true},
                                            {"implicit-midpoint", DRAPE_IMPLICIT_MIDPOINT, true},
                                            {"rk4", DRAPE_RK4, true}};
-static const struct choice SELF_CONTACT[] = {{"auto", 0, true}, {"off", 0, true}, {"on", 0, false}};
+static const struct choice SELF_CONTACT[] = {{"auto", DRAPE_SELF_CONTACT_AUTO, true},
+                                             {"on", DRAPE_SELF_CONTACT_ON, true},
+                                             {"off", DRAPE_SELF_CONTACT_OFF, true}};
 
 #define GET_CHOICE(r, object, pointer, member, table, ret)                                                   \
     get_choice(r, object, pointer, member, table, sizeof table / sizeof *table, ret)
@@ -689,13 +687,14 @@ static int read_job(struct reader *r)
     static const char *const MEMBERS[] = {"name",    "labels", "cloth", "bodies",     "self_contact",
                                           "gravity", "solver", "fit",   "start_from", NULL};
     json_t *root = r->json.root;
-    int self_contact = 0;
+    int self_contact = (int)r->spec->scene.self_contact;
     if (check_object(r, root, "", MEMBERS) || refuse_present(r, root, "", "start_from") ||
         read_name(r, root) || read_labels(r, root) ||
         GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
         get_vector(r, root, "", "gravity", false, r->spec->scene.gravity) || read_solver(r, root) ||
         read_boolean(r, root, "", "fit", &r->spec->options.fit) || read_cloth(r, root))
         return -1;
+    r->spec->scene.self_contact = (drape_self_contact)self_contact;
     return read_bodies(r, root);
 }
 
@@ -732,8 +731,7 @@ static int check_scene(struct reader *r)
 {
     drape_error error;
     link_scene(r->spec);
-    if (drape_options_check(&r->spec->options, &error) >= 0 &&
-        drape_scene_check(&r->spec->scene, &error) >= 0)
+    if (drape_check(&r->spec->scene, &r->spec->options, &error) >= 0)
         return 0;
     schema_solver_problem(&error, r->problem);
     point_at_ref(r, r->problem);

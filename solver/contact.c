@@ -357,7 +357,8 @@ size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double
     return shortened;
 }
 
-uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest)
+uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest,
+                                 double ret_where[3])
 {
     uint32_t inside = 0;
     *ret_deepest = 0;
@@ -367,7 +368,10 @@ uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double 
             if (dr_body_distance(contact->body[b], x + 3 * v, &phi, unused))
                 depth = fmax(depth, -phi);
         inside += depth > 0;
-        *ret_deepest = fmax(*ret_deepest, depth);
+        if (depth > *ret_deepest) {
+            *ret_deepest = depth;
+            memcpy(ret_where, x + 3 * v, 3 * sizeof *ret_where);
+        }
     }
     return inside;
 }

@@ -76,7 +76,9 @@ void dr_contact_loads(const struct dr_contact *contact, const double *x, const d
 #define DR_CONTACT_MAX_WALK 256
 size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double *w, double depth);
 
-/* Nodes inside a body at x; *ret_deepest is the depth of the deepest (0 when none), m. */
-uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest);
+/* Nodes inside a body at x; *ret_deepest is the depth of the deepest (0 when none), m, and ret_where its
+ * place (untouched when none). */
+uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest,
+                                 double ret_where[3]);
 
 #endif

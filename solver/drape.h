@@ -128,6 +128,15 @@ typedef struct drape_body {
     double radius;   /* SPHERE, CAPSULE: m, > 0 */
 } drape_body;
 
+/* Whether cloth feels cloth. AUTO decides from the scene, and the report's plan says what it decided: it
+ * does where there are seams, bodies or several separate pieces; else it does not, nor by
+ * DRAPE_METHOD_NEWTON, which takes its steps whole. ON is refused with that method. */
+typedef enum drape_self_contact {
+    DRAPE_SELF_CONTACT_AUTO = 0,
+    DRAPE_SELF_CONTACT_ON,
+    DRAPE_SELF_CONTACT_OFF
+} drape_self_contact;
+
 /* All arrays, the points of curves too, are the caller's and are copied; none need outlive
  * drape_scene_new. */
 typedef struct drape_scene_desc {
@@ -142,10 +151,19 @@ typedef struct drape_scene_desc {
     const uint32_t *triangle_material; /* triangles; NULL: material 0 everywhere */
     const drape_body *body;            /* bodies; NULL if none */
     double gravity[3];                 /* m/s^2 */
+    drape_self_contact self_contact;   /* DRAPE_SELF_CONTACT_AUTO */
+    double thickness;                  /* m: cloth feels cloth this far away, from middle to middle;
+                                        * DRAPE_MIN_THICKNESS to DRAPE_MAX_THICKNESS */
 } drape_scene_desc;
 
-/* A description with no arrays and the default gravity 0 -9.81 0. */
+/* A description with no arrays, the default gravity 0 -9.81 0 and the default thickness. */
 drape_scene_desc drape_scene_desc_default(void);
+
+/* m. The least is a hundredth of the finest fabric, the most thicker than a quilt: past them lies a length
+ * in the wrong unit. */
+#define DRAPE_DEFAULT_THICKNESS 0.002
+#define DRAPE_MIN_THICKNESS     1e-5
+#define DRAPE_MAX_THICKNESS     0.05
 
 /* The distance at which a body is felt, unless the scene says otherwise (m). */
 #define DRAPE_DEFAULT_OFFSET 0.003
@@ -283,6 +301,10 @@ drape_options drape_options_default(void);
 /* Everything drape_sim_new would refuse about options. For the border of a service. */
 drape_status drape_options_check(const drape_options *options, drape_error *reterr);
 
+/* Everything drape_scene_check and drape_options_check would refuse, and what scene and options refuse of
+ * each other, as drape_sim_new does. */
+drape_status drape_check(const drape_scene_desc *desc, const drape_options *options, drape_error *reterr);
+
 const char *drape_method_name(drape_method method);             /* "stop-and-go": as in the HTTP contract */
 const char *drape_integrator_name(drape_integrator integrator); /* "backward-euler": likewise */
 
@@ -343,7 +365,9 @@ typedef struct drape_stage { /* where the seconds went */
     double seconds;
 } drape_stage;
 
-#define DRAPE_MAX_STAGES 12
+#define DRAPE_MAX_STAGES 16
+
+#define DRAPE_NOT_COUNTED UINT32_MAX
 
 /* Valid after drape_sim_run returned >= 0. Plain data, no pointers to free. */
 typedef struct drape_report {
@@ -366,6 +390,10 @@ typedef struct drape_report {
     size_t nodes, free_nodes; /* after welding */
     size_t peak_bytes;        /* held by scene and sim together: the terms' sum, though what draping adds and
                                * what sewing adds are not held at the same time */
+    /* Edges of the cloth through its triangles in that state; DRAPE_NOT_COUNTED without self-contact. */
+    uint32_t self_intersections;
+    /* m: where the deepest node inside a body is, else where the first self-intersection is; else NAN. */
+    double intersection[3];
     drape_term term[DRAPE_MAX_TERMS];
     size_t terms;
     drape_stage stage[DRAPE_MAX_STAGES];

@@ -322,8 +322,12 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     }
     if (verdict == DRAPE_VERDICT_SLID_OFF)
         report->drop = farthest_drop(s);
+    report->self_intersections = DRAPE_NOT_COUNTED;
+    for (int d = 0; d < 3; d++)
+        report->intersection[d] = NAN;
     if (s->cloth->contact)
-        report->penetrations = dr_contact_penetrations(s->cloth->contact, s->x, &report->deepest);
+        report->penetrations =
+            dr_contact_penetrations(s->cloth->contact, s->x, &report->deepest, report->intersection);
     if (report->deepest > SUNK) {
         verdict = DRAPE_VERDICT_INTERSECTING;
         reason = "a node ended deeper than 1 mm inside a body";

@@ -10,7 +10,7 @@
 
 drape_scene_desc drape_scene_desc_default(void)
 {
-    return (drape_scene_desc){.gravity = {0, -9.81, 0}};
+    return (drape_scene_desc){.gravity = {0, -9.81, 0}, .thickness = DRAPE_DEFAULT_THICKNESS};
 }
 
 /* ---- checks ------------------------------------------------------------------------------------- */
@@ -146,6 +146,12 @@ static drape_status check_numbers(const drape_scene_desc *desc, drape_error *ret
     if (!all_within(desc->gravity, 3, DRAPE_MAX_GRAVITY, &bad))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity",
                           "it is not finite and within %g m/s^2", DRAPE_MAX_GRAVITY);
+    if (desc->self_contact > DRAPE_SELF_CONTACT_OFF)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "self_contact", "out of range");
+    if (!(desc->thickness >= DRAPE_MIN_THICKNESS && desc->thickness <= DRAPE_MAX_THICKNESS))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "thickness",
+                          "%g m is not between %g and %g", desc->thickness, DRAPE_MIN_THICKNESS,
+                          DRAPE_MAX_THICKNESS);
     return DRAPE_OK;
 }
 
@@ -478,6 +484,8 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     scene->vertices = desc->vertices;
     scene->materials = desc->materials;
     memcpy(scene->gravity, desc->gravity, sizeof scene->gravity);
+    scene->self_contact = desc->self_contact;
+    scene->thickness = desc->thickness;
     scene->positions = copy_of(desc->positions, 3 * desc->vertices, sizeof *scene->positions);
     scene->vertex_node = malloc(desc->vertices * sizeof *scene->vertex_node);
     if (!scene->positions || !copy_seams(desc, scene) || !copy_materials(desc, scene) ||

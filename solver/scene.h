@@ -26,6 +26,9 @@ struct drape_scene {
     size_t curve_points; /* of all strain-stress curves together */
     double *curve_point; /* 2*curve_points; the materials' curves point into it; NULL: no curve */
     double gravity[3];
+    /* As asked for: the plan decides. In m. */
+    drape_self_contact self_contact;
+    double thickness;
     struct dr_mesh *mesh;        /* welded */
     struct dr_bend *bend;        /* NULL: no rigidity anywhere */
     struct dr_mesh *pieces;      /* one node a vertex; NULL: nothing to sew */

@@ -60,10 +60,30 @@ drape_status drape_options_check(const drape_options *options, drape_error *rete
                   : DRAPE_OK;
 }
 
+/* What is wrong with neither alone. */
+static drape_status check_together(drape_self_contact self_contact, const drape_options *options,
+                                   drape_error *reterr)
+{
+    if (self_contact == DRAPE_SELF_CONTACT_ON && options->method == DRAPE_METHOD_NEWTON)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "self_contact",
+                          "method newton takes its steps whole, through cloth too");
+    return DRAPE_OK;
+}
+
+drape_status drape_check(const drape_scene_desc *desc, const drape_options *options, drape_error *reterr)
+{
+    drape_status status = drape_options_check(options, reterr);
+    if (status >= 0)
+        status = check_together(desc->self_contact, options, reterr);
+    return status < 0 ? status : drape_scene_check(desc, reterr);
+}
+
 drape_status drape_sim_new(const drape_scene *scene, const drape_options *options, drape_sim **ret,
                            drape_error *reterr)
 {
     drape_status status = drape_options_check(options, reterr);
+    if (status >= 0)
+        status = check_together(scene->self_contact, options, reterr);
     if (status < 0)
         return status;
     drape_sim *sim = calloc(1, sizeof *sim);

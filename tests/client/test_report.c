@@ -58,6 +58,20 @@ static void test_report__shows_how_far_a_piece_slid_off(void **state)
     free(text);
 }
 
+static void test_report__shows_what_intersects_and_where(void **state)
+{
+    (void)state;
+    char *text = job_text("{\"id\":\"j1\",\"verdict\":\"intersecting\",\"report\":{\"self_intersections\":4,"
+                          "\"intersection\":[0.25,1.5,-0.125]}}");
+    assert_non_null(strstr(text, "self-crossings 4 edges through triangles\n"));
+    assert_non_null(strstr(text, "intersects at  0.25, 1.5, -0.125 m\n"));
+    free(text);
+    text = job_text("{\"id\":\"j1\",\"report\":{\"self_intersections\":null,\"intersection\":null}}");
+    assert_null(strstr(text, "self-crossings"));
+    assert_null(strstr(text, "intersects"));
+    free(text);
+}
+
 static void test_report__shows_the_error_of_a_failed_job(void **state)
 {
     (void)state;
@@ -115,6 +129,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_report__shows_verdict_reason_counts_and_energies),
         cmocka_unit_test(test_report__shows_how_far_a_piece_slid_off),
+        cmocka_unit_test(test_report__shows_what_intersects_and_where),
         cmocka_unit_test(test_report__shows_the_error_of_a_failed_job),
         cmocka_unit_test(test_report__trace_keeps_first_and_last_rows),
     };

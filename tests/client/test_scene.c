@@ -81,7 +81,9 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_int_equal(json_object_size(at(job, "solver")), 0);
     assert_null(at(job, "bodies"));
     assert_null(at(job, "cloth.pins"));
+    assert_null(at(job, "cloth.thickness"));
     json_decref(job);
+    scene.thickness = 0.001;
     scene.solver.method = "auto";
     scene.solver.max_iterations = 0;
     scene.body_friction = 0;
@@ -94,6 +96,7 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_int_equal(json_integer_value(at(job, "solver.max_iterations")), 0);
     assert_true(json_is_number(at(job, "bodies.0.friction")));
     assert_null(at(job, "bodies.0.offset"));
+    assert_near(json_number_value(at(job, "cloth.thickness")), 0.001, 1e-12, 1);
     json_decref(job);
     scene_done(&scene);
 }

@@ -354,7 +354,48 @@ static void test_schema__seams_labels_and_materials_by_triangle_are_read(void **
     assert_int_equal(spec->scene.materials, 2);
     assert_int_equal(spec->scene.triangle_material[0], 1);
     assert_close(spec->scene.gravity[2], -3, 0);
+    assert_close(spec->scene.thickness, 0.0005, 0);
+    assert_int_equal(spec->scene.self_contact, DRAPE_SELF_CONTACT_OFF);
     job_spec_free(spec);
+}
+
+static void test_schema__self_contact_is_passed_on_but_not_to_plain_newton(void **state)
+{
+    (void)state;
+    char *text = with("/self_contact", "\"on\""), *newton;
+    json_t *root = json_loads(text, 0, NULL);
+    struct job_spec *spec = parse_with("/self_contact", "\"on\"");
+    assert_int_equal(spec->scene.self_contact, DRAPE_SELF_CONTACT_ON);
+    assert_close(spec->scene.thickness, DRAPE_DEFAULT_THICKNESS, 0);
+    job_spec_free(spec);
+    spec = parse_with("/self_contact", "\"auto\"");
+    assert_int_equal(spec->scene.self_contact, DRAPE_SELF_CONTACT_AUTO);
+    job_spec_free(spec);
+    set_value(root, "/solver/method", "\"newton\"");
+    newton = json_dumps(root, 0);
+    expect_text(newton, &limits_default, PROBLEM_INVALID, "/self_contact");
+    json_decref(root);
+    free(newton);
+    free(text);
+    spec = parse_with("/solver/method", "\"newton\""); /* with auto it is fine */
+    job_spec_free(spec);
+}
+
+static void test_schema__what_intersects_is_counted_and_placed(void **state)
+{
+    (void)state;
+    drape_report report = {
+        .reason = "", .self_intersections = DRAPE_NOT_COUNTED, .intersection = {NAN, NAN, NAN}};
+    json_t *json = schema_report_json(&report);
+    assert_true(json_is_null(json_object_get(json, "self_intersections")));
+    assert_true(json_is_null(json_object_get(json, "intersection")));
+    json_decref(json);
+    report.self_intersections = 3;
+    memcpy(report.intersection, (double[3]){0.5, 1, -2}, sizeof report.intersection);
+    json = schema_report_json(&report);
+    assert_int_equal(json_integer_value(json_object_get(json, "self_intersections")), 3);
+    assert_close(json_number_value(json_array_get(json_object_get(json, "intersection"), 2)), -2, 0);
+    json_decref(json);
 }
 
 static void test_schema__uploaded_meshes_are_loaded_by_hash(void **state)
@@ -423,7 +464,9 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/cloth/triangle_material", "[0]", NULL},
         {"/cloth/triangle_material", "[0,1]", "/cloth/triangle_material/1"},
         {"/cloth/thickness", "-0.001", NULL},
-        {"/cloth/thickness", "0.0201", NULL},
+        {"/cloth/thickness", "0", NULL},
+        {"/cloth/thickness", "0.0501", NULL},
+        {"/cloth/thickness", "\"2 mm\"", NULL},
         {"/bodies", "{}", NULL},
         {"/bodies/0", "7", NULL},
         {"/bodies/0", "{}", NULL},
@@ -478,7 +521,6 @@ static void test_schema__what_the_contract_has_and_this_version_not_is_unsupport
         {"/bodies/0/motion", "[]", NULL},
         {"/bodies/0/motion_seconds", "1", NULL},
         {"/start_from", "\"0123\"", NULL},
-        {"/self_contact", "\"on\"", NULL},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
 }
@@ -829,6 +871,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "deepest",
                                           "drop",
                                           "self_intersections",
+                                          "intersection",
                                           "certificate",
                                           "reason",
                                           NULL};
@@ -925,6 +968,10 @@ static void test_schema__openapi_gives_the_defaults_and_limits_there_are(void **
     assert_int_equal(json_integer_value(look_up(job, "/bodies/maxItems")), limits_default.bodies);
     const json_t *body = json_array_get(look_up(schemas, "/Body/oneOf"), 0);
     assert_close(default_of(body, "/properties/offset"), DRAPE_DEFAULT_OFFSET, 0);
+    const json_t *thickness = look_up(schemas, "/Cloth/properties/thickness");
+    assert_close(json_number_value(json_object_get(thickness, "default")), scene.thickness, 0);
+    assert_close(json_number_value(json_object_get(thickness, "minimum")), DRAPE_MIN_THICKNESS, 0);
+    assert_close(json_number_value(json_object_get(thickness, "maximum")), DRAPE_MAX_THICKNESS, 0);
     json_decref(root);
 }
 
@@ -976,6 +1023,8 @@ int main(void)
         cmocka_unit_test(test_schema__wrong_curves_are_refused_at_their_place),
         cmocka_unit_test(test_schema__members_beside_a_preset_replace_its_own),
         cmocka_unit_test(test_schema__seams_labels_and_materials_by_triangle_are_read),
+        cmocka_unit_test(test_schema__self_contact_is_passed_on_but_not_to_plain_newton),
+        cmocka_unit_test(test_schema__what_intersects_is_counted_and_placed),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__what_the_contract_has_and_this_version_not_is_unsupported),

@@ -157,11 +157,11 @@ static void test_contact__without_bodies_there_is_nothing(void **state)
     (void)state;
     struct dr_mesh *mesh = square_mesh(2, 0.1);
     struct dr_contact *contact = make_contact(mesh, NULL, 0);
-    double *x = place(mesh, 0.1, 0, 0), w[27] = {0.1, 0.2}, deepest = 1;
+    double *x = place(mesh, 0.1, 0, 0), w[27] = {0.1, 0.2}, deepest = 1, where[3];
     assert_true(dr_contact_energy(contact, x, NULL) == 0);
     assert_int_equal(dr_contact_clip(contact, x, w, 1e-3), 0);
     assert_true(w[0] == 0.1 && w[1] == 0.2);
-    assert_int_equal(dr_contact_penetrations(contact, x, &deepest), 0);
+    assert_int_equal(dr_contact_penetrations(contact, x, &deepest, where), 0);
     assert_true(deepest == 0);
     assert_true(dr_contact_bytes(contact) >= 9 * sizeof(double));
     free(x);
@@ -201,13 +201,13 @@ static void test_contact__evaluation_allocates_nothing(void **state)
     struct dr_mesh *mesh = square_mesh(4, 0.1);
     struct dr_body *body = make_sphere_mesh(0.05, 0.003);
     struct dr_contact *contact = make_contact(mesh, &body, 1);
-    double *x = place(mesh, 0.1, 0.049, 0), *g = calloc(3 * mesh->nodes, sizeof *g), deepest;
+    double *x = place(mesh, 0.1, 0.049, 0), *g = calloc(3 * mesh->nodes, sizeof *g), deepest, where[3];
     struct dr_matrix A = {mesh, 3 * mesh->nodes, calloc(9 * mesh->nodes * mesh->nodes, sizeof(double))};
     countdown = 0; /* the next allocation would use this up */
     assert_true(dr_contact_energy(contact, x, g) > 0);
     dr_contact_hessian(contact, x, 1, &A);
     dr_contact_clip(contact, x, g, 1e-3);
-    dr_contact_penetrations(contact, x, &deepest);
+    dr_contact_penetrations(contact, x, &deepest, where);
     long left = countdown;
     countdown = -1;
     assert_int_equal(left, 0);
@@ -617,15 +617,16 @@ static void test_contact__penetrations_are_counted_once(void **state)
     struct dr_mesh *mesh = square_mesh(2, 0.02);
     struct dr_body *body[2] = {make_body(ground), make_body(ball)};
     struct dr_contact *contact = make_contact(mesh, body, 2);
-    double *x = place(mesh, 0.02, 0.06, 0), deepest = -1;
-    assert_int_equal(dr_contact_penetrations(contact, x, &deepest), 0);
-    assert_true(deepest == 0);
+    double *x = place(mesh, 0.02, 0.06, 0), deepest = -1, where[3] = {7};
+    assert_int_equal(dr_contact_penetrations(contact, x, &deepest, where), 0);
+    assert_true(deepest == 0 && where[0] == 7);
     x[3 * 4 + 1] = -0.01; /* the middle: 10 mm under the ground, 40 mm inside the ball */
     x[3 * 0 + 1] = 0.001; /* a corner: above the ground, inside the ball */
     x[3 * 8] = 1;         /* another: away from the ball, 20 mm under the ground */
     x[3 * 8 + 1] = -0.02;
-    assert_int_equal(dr_contact_penetrations(contact, x, &deepest), 3);
+    assert_int_equal(dr_contact_penetrations(contact, x, &deepest, where), 3);
     assert_close(deepest, 0.04, 1e-12);
+    assert_memory_equal(where, x + 3 * 4, sizeof where);
     free(x);
     dr_contact_free(contact);
     dr_body_free(body[0]);

@@ -368,6 +368,33 @@ static void test_scene__a_piece_that_nothing_holds_is_refused(void **state)
     assert_int_equal(drape_scene_check(&e.desc, NULL), DRAPE_OK);
 }
 
+static void test_scene__thickness_and_self_contact_have_limits(void **state)
+{
+    (void)state;
+    static const double fine[] = {DRAPE_MIN_THICKNESS, DRAPE_DEFAULT_THICKNESS, DRAPE_MAX_THICKNESS};
+    const double bad[] = {0,   -0.001,  nextafter(DRAPE_MIN_THICKNESS, 0), nextafter(DRAPE_MAX_THICKNESS, 1),
+                          NAN, INFINITY};
+    struct example e = make();
+    bind(&e);
+    assert_close(e.desc.thickness, DRAPE_DEFAULT_THICKNESS, 0);
+    for (size_t i = 0; i < sizeof fine / sizeof *fine; i++) {
+        drape_scene *scene = NULL;
+        e.desc.thickness = fine[i];
+        e.desc.self_contact = DRAPE_SELF_CONTACT_OFF;
+        assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+        assert_close(scene->thickness, fine[i], 0);
+        assert_int_equal(scene->self_contact, DRAPE_SELF_CONTACT_OFF);
+        drape_scene_free(scene);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        e.desc.thickness = bad[i];
+        refused(&e, DRAPE_AT_SCENE, -1, "thickness", "is not between");
+    }
+    e.desc.thickness = DRAPE_DEFAULT_THICKNESS;
+    e.desc.self_contact = DRAPE_SELF_CONTACT_OFF + 1;
+    refused(&e, DRAPE_AT_SCENE, -1, "self_contact", "out of range");
+}
+
 static void test_scene__counts_have_limits(void **state)
 {
     (void)state;
@@ -443,6 +470,7 @@ int main(void)
         cmocka_unit_test(test_scene__a_vertex_sewn_to_itself_asks_for_nothing),
         cmocka_unit_test(test_scene__pins_of_one_node_must_agree),
         cmocka_unit_test(test_scene__a_piece_that_nothing_holds_is_refused),
+        cmocka_unit_test(test_scene__thickness_and_self_contact_have_limits),
         cmocka_unit_test(test_scene__counts_have_limits),
         cmocka_unit_test(test_scene__a_vertex_of_no_triangle_is_carried_along),
     };

@@ -420,6 +420,56 @@ static void test_sim__options_are_refused_past_their_limits(void **state)
     drape_scene_free(scene);
 }
 
+static void test_sim__plain_newton_refuses_self_contact_that_was_asked_for(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    e.desc.self_contact = DRAPE_SELF_CONTACT_ON;
+    drape_options newton = drape_options_default(), fallback = newton;
+    newton.method = DRAPE_METHOD_NEWTON;
+    drape_scene *scene;
+    drape_sim *sim = NULL;
+    drape_error error;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(scene, &newton, &sim, &error), DRAPE_EINVAL);
+    assert_int_equal(error.place, DRAPE_AT_SCENE);
+    assert_string_equal(error.member, "self_contact");
+    assert_null(sim);
+    assert_int_equal(drape_check(&e.desc, &newton, &error), DRAPE_EINVAL);
+    assert_int_equal(drape_check(&e.desc, &fallback, &error), DRAPE_OK);
+    e.desc.self_contact = DRAPE_SELF_CONTACT_AUTO;
+    assert_int_equal(drape_check(&e.desc, &newton, &error), DRAPE_OK);
+    newton.tolerance = 0;
+    assert_int_equal(drape_check(&e.desc, &newton, &error), DRAPE_EINVAL);
+    assert_int_equal(error.place, DRAPE_AT_OPTION);
+    e.desc.thickness = 0;
+    assert_int_equal(drape_check(&e.desc, &fallback, &error), DRAPE_EINVAL);
+    assert_int_equal(error.place, DRAPE_AT_SCENE);
+    drape_scene_free(scene);
+}
+
+static void test_sim__the_verdict_says_where_a_body_is_intersected(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    drape_body ball = {.kind = DRAPE_BODY_SPHERE, .offset = 0.003, .radius = 0.01};
+    memcpy(ball.point, e.positions, sizeof ball.point); /* about a pinned vertex, 0.1 mm beside it */
+    ball.point[0] += 1e-4;
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 3;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    const drape_report *report = drape_sim_report(sim);
+    assert_int_equal(report->verdict, DRAPE_VERDICT_INTERSECTING);
+    assert_memory_equal(report->intersection, e.positions, sizeof report->intersection);
+    assert_close(report->deepest, 0.01 - 1e-4, 1e-12);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
 static void test_sim__the_same_input_gives_the_same_bytes(void **state)
 {
     (void)state;
@@ -479,6 +529,7 @@ static void test_sim__cloth_lands_on_a_sphere_and_a_plane(void **state)
     const drape_report *report = drape_sim_report(sim);
     assert_int_equal(report->verdict, DRAPE_VERDICT_AT_REST);
     assert_int_equal(report->penetrations, 0);
+    assert_true(isnan(report->intersection[0]));
     assert_true(report->state.energy.contact > 0);
     size_t vertices;
     const double *x = drape_sim_positions(sim, &vertices);
@@ -657,6 +708,8 @@ int main(void)
         cmocka_unit_test(test_sim__sewing_begins_no_factorisation_that_cannot_end_in_time),
         cmocka_unit_test(test_sim__a_run_grown_too_slow_ends_with_its_best_state),
         cmocka_unit_test(test_sim__options_are_refused_past_their_limits),
+        cmocka_unit_test(test_sim__plain_newton_refuses_self_contact_that_was_asked_for),
+        cmocka_unit_test(test_sim__the_verdict_says_where_a_body_is_intersected),
         cmocka_unit_test(test_sim__the_same_input_gives_the_same_bytes),
         cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),
         cmocka_unit_test(test_sim__cloth_lands_on_a_sphere_and_a_plane),
