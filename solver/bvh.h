@@ -1,0 +1,104 @@
+/* bvh.h - a tree of boxes over the triangles of a mesh, and the walk that finds pairs of them.
+ *
+ * Each vertex and each edge belongs to the first triangle that has it, its "representative" [Curtis,
+ * Tamstorf, Manocha: Fast collision detection for deformable models using representative-triangles, I3D
+ * 2008]. The walk meets each pair of triangles once, so each vertex-face and edge-edge pair is met once, too.
+ *
+ * The tree's shape is made once, from the first positions seen, by halving along the longest side; later
+ * positions only refit the boxes. Nodes are in depth-first order: the left child of node i is i + 1. */
+#ifndef DR_BVH_H
+#define DR_BVH_H
+
+#include "mesh.h"
+
+struct dr_box { /* low > high: empty. Not-finite coordinates are left out */
+    double low[3], high[3];
+};
+
+struct dr_leaf {
+    uint32_t node[3], edge[3]; /* of a triangle; edge k lies opposite corner k */
+    uint32_t triangle;
+    uint32_t owned; /* bit k: corner k is this triangle's own; bit 3 + k: edge k is */
+};
+
+struct dr_bvh {
+    size_t leaves, count; /* triangles; tree nodes: 2*leaves - 1 */
+    struct dr_leaf *leaf; /* in the order of the tree */
+    uint32_t *right;      /* count: the right child; of a leaf, DR_BVH_LEAF + its number */
+    struct dr_box *box;   /* count: of the positions */
+    struct dr_box *move;  /* count: of the motions; dr_sweep's */
+    bool shaped;          /* the tree has its shape */
+};
+
+#define DR_BVH_LEAF 0x80000000u /* more than twice DRAPE_MAX_TRIANGLES */
+
+/* `edge`: 3*triangles, number of the edge opposite each corner. */
+drape_status dr_bvh_new(const struct dr_mesh *mesh, const uint32_t *edge, struct dr_bvh **ret,
+                        drape_error *reterr);
+struct dr_bvh *dr_bvh_free(struct dr_bvh *bvh); /* NULL is fine; returns NULL */
+size_t dr_bvh_bytes(const struct dr_bvh *bvh);
+
+/* Shapes the tree if it has no shape yet, and fits `box` (bvh->box or bvh->move) to values (3*nodes). */
+void dr_bvh_fit(struct dr_bvh *bvh, const double *values, struct dr_box *box);
+
+static inline bool dr_bvh_is_leaf(const struct dr_bvh *bvh, uint32_t node)
+{
+    return bvh->right[node] >= DR_BVH_LEAF;
+}
+
+static inline const struct dr_leaf *dr_bvh_leaf(const struct dr_bvh *bvh, uint32_t node)
+{
+    return bvh->leaf + (bvh->right[node] - DR_BVH_LEAF);
+}
+
+/* How far apart two boxes are, squared; infinite if one is empty. */
+static inline double dr_box_distance(const struct dr_box *a, const struct dr_box *b)
+{
+    double square = 0;
+    for (int d = 0; d < 3; d++) {
+        double above = a->low[d] - b->high[d], below = b->low[d] - a->high[d];
+        double gap = above > below ? above : below;
+        square += gap > 0 ? gap * gap : 0;
+    }
+    return square;
+}
+
+/* Whether a pair of tree nodes (also a node with itself) is worth a look; what to do with two leaves, false
+ * to end the walk. */
+typedef bool dr_bvh_near(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data);
+typedef bool dr_bvh_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data);
+
+/* Deep enough for 2^31 leaves: each level leaves at most 3 pairs behind, among nodes and then within them. */
+#define DR_BVH_STACK 256
+
+/* All pairs of leaves that are near, each once and no leaf with itself. False if `meet` ended it. Inline, so
+ * that the two functions are, too. */
+static inline __attribute__((always_inline)) bool dr_bvh_walk(const struct dr_bvh *bvh, dr_bvh_near *near,
+                                                              dr_bvh_meet *meet, void *data)
+{
+    uint32_t stack[DR_BVH_STACK][2] = {{0, 0}};
+    for (size_t top = bvh->count > 0; top-- > 0;) {
+        uint32_t a = stack[top][0], b = stack[top][1];
+        bool a_ends = dr_bvh_is_leaf(bvh, a), b_ends = dr_bvh_is_leaf(bvh, b);
+        if ((a == b && a_ends) || !near(bvh, a, b, data))
+            continue;
+        if (a_ends && b_ends) {
+            if (!meet(bvh, a, b, data))
+                return false;
+            continue;
+        }
+        uint32_t left[2] = {a_ends ? a : a + 1, b_ends ? b : b + 1};
+        uint32_t right[2] = {a_ends ? a : bvh->right[a], b_ends ? b : bvh->right[b]};
+        for (int i = 0; i < 2; i++) {
+            for (int j = a == b ? i : 0; j < 2; j++) {
+                if ((a_ends && i) || (b_ends && j))
+                    continue;
+                stack[top][0] = i ? right[0] : left[0];
+                stack[top++][1] = j ? right[1] : left[1];
+            }
+        }
+    }
+    return true;
+}
+
+#endif

@@ -1,0 +1,83 @@
+/* pairs.h - which vertices and triangles, and which edges, of one cloth mesh are near each other or cross.
+ *
+ * Parts that share a node are never a pair. A node of no triangle is in no pair. Coordinates that are not
+ * finite are near nothing. Belongs to one thread. */
+#ifndef DR_PAIRS_H
+#define DR_PAIRS_H
+
+#include "bvh.h"
+#include "closest.h"
+
+/* Pairs kept per triangle of the mesh, vertex-face and edge-edge together. Fifty layers of cloth a millimetre
+ * apart need about 120 within 6 mm; a heap that needs more has more than the whole rest of the scene weighs.
+ */
+#define DR_PAIRS_PER_TRIANGLE 256
+
+/* Pairs of triangles that one walk looks at, per triangle of the mesh; about 30 are usual. Only a heap, or
+ * long needles whose boxes all overlap, need more, and would cost a time that grows with the square. */
+#define DR_PAIRS_MAX_MEETINGS 1024
+
+struct dr_pair {
+    uint32_t node[4]; /* vertex a, then the corners of triangle b; or the ends of edge a, then of edge b */
+    uint32_t a, b;    /* numbers of vertex and triangle; or of two edges, a < b */
+};
+
+struct dr_pairs { /* read-only but for pairs.c and sweep.c */
+    const struct dr_mesh *mesh;
+
+    size_t sides;            /* edges of the mesh */
+    uint32_t *side;          /* 2*sides: the nodes of each, smaller first */
+    uint32_t *side_triangle; /* 2*sides: its triangles; DR_NONE: no second */
+
+    /* What dr_pairs_find found, sorted by a, then b, so that sums over it have one order. */
+    double radius; /* m: all pairs closer than this are listed, see dr_pairs_find */
+    size_t face_count, edge_count;
+    struct dr_pair *faces; /* vertex-face */
+    struct dr_pair *edges; /* edge-edge */
+
+    size_t face_room, edge_room;
+    uint32_t *first_side; /* nodes + 1: where in node_side a node's edges begin */
+    uint32_t *node_side;  /* 2*sides */
+    struct dr_bvh *bvh;
+    double *share;   /* nodes: dr_sweep_clip's */
+    uint8_t *marked; /* nodes: likewise */
+    uint8_t *moved;  /* bvh->count: likewise */
+};
+
+/* `mesh` must outlive the result, which holds all memory but that of the lists. */
+drape_status dr_pairs_new(const struct dr_mesh *mesh, struct dr_pairs **ret, drape_error *reterr);
+struct dr_pairs *dr_pairs_free(struct dr_pairs *pairs); /* NULL is fine; returns NULL */
+size_t dr_pairs_bytes(const struct dr_pairs *pairs);    /* what is held now */
+
+/* Lists all pairs closer than `radius` (m) at x (3*nodes). Where that passes
+ * DR_PAIRS_PER_TRIANGLE or DR_PAIRS_MAX_MEETINGS, the radius is halved, at last to 0 (no pairs): memory and
+ * time stay in proportion to the mesh, and the list is complete up to pairs->radius, which tells. An error
+ * would end a run over a heap that the next step may loosen; a list merely cut off would hold one part of the
+ * cloth and let another pass. DRAPE_ENOMEM: the lists are then empty. */
+drape_status dr_pairs_find(struct dr_pairs *pairs, const double *x, double radius, drape_error *reterr);
+
+/* Edge through triangle. */
+struct dr_crossing {
+    uint32_t side, triangle;
+    double at[3]; /* m */
+};
+
+#define DR_PAIRS_MAX_CROSSINGS 1000000
+
+/* How many edges cross a triangle they share no node with, counted up to DR_PAIRS_MAX_CROSSINGS and as
+ * far as DR_PAIRS_MAX_MEETINGS allows. The one of
+ * lowest edge, then triangle, is *ret_first (unless NULL), which is only written when there is one. Touching
+ * (an edge that ends on a triangle, or lies in its plane) is no crossing; what passes through an edge of two
+ * triangles crosses both. Floating point: decides nothing finer than round-off. */
+size_t dr_pairs_crossings(struct dr_pairs *pairs, const double *x, struct dr_crossing *ret_first);
+
+/* Whether edge `side` crosses `triangle`, with which it shares no node, and where (unless NULL). */
+bool dr_pairs_cross(const struct dr_pairs *pairs, const double *x, uint32_t side, uint32_t triangle,
+                    double ret_at[3]);
+
+static inline bool dr_pairs_shares_node(const uint32_t corner[3], uint32_t node)
+{
+    return node == corner[0] || node == corner[1] || node == corner[2];
+}
+
+#endif
