@@ -58,7 +58,8 @@ static inline double dr_box_distance(const struct dr_box *a, const struct dr_box
     for (int d = 0; d < 3; d++) {
         double above = a->low[d] - b->high[d], below = b->low[d] - a->high[d];
         double gap = above > below ? above : below;
-        square += gap > 0 ? gap * gap : 0;
+        gap = gap > 0 ? gap : 0; /* no branch */
+        square += gap * gap;
     }
     return square;
 }

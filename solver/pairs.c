@@ -171,7 +171,8 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     double away = 0;
     for (int d = 0; d < 3; d++) {
         double below = box->low[d] - v[d], above = v[d] - box->high[d], gap = below > above ? below : above;
-        away += gap > 0 ? gap * gap : 0;
+        gap = gap > 0 ? gap : 0; /* no branch */
+        away += gap * gap;
     }
     if (!(away < search->square) || dr_pairs_shares_node(leaf->node, node))
         return true;
@@ -195,7 +196,8 @@ static double edge_gap(const double *x, const uint32_t p[2], const uint32_t q[2]
                f = x[3 * (size_t)q[1] + d];
         double above = (a < b ? a : b) - (e > f ? e : f), below = (e < f ? e : f) - (a > b ? a : b);
         double gap = above > below ? above : below;
-        square += gap > 0 ? gap * gap : 0;
+        gap = gap > 0 ? gap : 0; /* no branch */
+        square += gap * gap;
     }
     return square;
 }
