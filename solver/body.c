@@ -47,6 +47,10 @@ static drape_status take_mesh(struct dr_body *body, const drape_body *desc, int6
         return dr_out_of_memory(reterr);
     memcpy(body->positions, desc->positions, bytes);
     body->vertices = desc->vertices;
+    if (desc->field) {
+        body->field = dr_field_ref(desc->field);
+        return DRAPE_OK;
+    }
     return dr_field_new(desc->positions, desc->vertices, desc->triangle, desc->triangles, DR_BODY_REACH,
                         number, &body->field, reterr);
 }
@@ -81,11 +85,35 @@ drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body 
 struct dr_body *dr_body_free(struct dr_body *body)
 {
     if (body) {
-        dr_field_free(body->field);
+        dr_field_unref(body->field);
         free(body->positions);
         free(body);
     }
     return NULL;
+}
+
+drape_status drape_field_new(const drape_body *body, size_t number, drape_field **ret, drape_error *reterr)
+{
+    drape_status status = dr_body_check_mesh(body, (int64_t)number, reterr);
+    if (status < 0)
+        return status;
+    return dr_field_new(body->positions, body->vertices, body->triangle, body->triangles, DR_BODY_REACH,
+                        (int64_t)number, ret, reterr);
+}
+
+drape_field *drape_field_ref(drape_field *field)
+{
+    return dr_field_ref(field);
+}
+
+drape_field *drape_field_unref(drape_field *field)
+{
+    return dr_field_unref(field);
+}
+
+size_t drape_field_bytes(const drape_field *field)
+{
+    return dr_field_bytes(field);
 }
 
 double dr_body_offset(const struct dr_body *body)

@@ -23,6 +23,9 @@ struct dr_body;
  * itself, have several pieces and triangles without area. `number` is the body's index in the scene. */
 drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *reterr);
 
+/* The part of it that a mesh's arrays must pass; a body that brings its field along has passed it. */
+drape_status dr_body_check_mesh(const drape_body *desc, int64_t number, drape_error *reterr);
+
 /* Checks, then builds. Meshes alone can fail after the check: DRAPE_EINVAL when too large for a
  * distance field (field.h has the limits), DRAPE_ENOMEM. */
 drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body **ret, drape_error *reterr);

@@ -121,7 +121,7 @@ static double six_volumes(const drape_body *desc)
     return sum;
 }
 
-static drape_status check_mesh(const drape_body *desc, int64_t number, drape_error *reterr)
+drape_status dr_body_check_mesh(const drape_body *desc, int64_t number, drape_error *reterr)
 {
     if (!desc->positions || !desc->triangle || desc->triangles < DR_BODY_MIN_TRIANGLES)
         return refuse(number, "triangles", "a closed mesh has at least four triangles", reterr);
@@ -173,7 +173,7 @@ drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *
                           "%g is not between 0 and %g", desc->friction, (double)DRAPE_MAX_FRICTION);
     switch (desc->kind) {
     case DRAPE_BODY_MESH:
-        return check_mesh(desc, number, reterr);
+        return desc->field ? DRAPE_OK : dr_body_check_mesh(desc, number, reterr);
     case DRAPE_BODY_PLANE:
         return check_plane(desc, number, reterr);
     case DRAPE_BODY_SPHERE:

@@ -108,6 +108,10 @@ typedef struct drape_material {
     double friction; /* Coulomb's coefficient against bodies, to DRAPE_MAX_FRICTION; 0: the bodies' own */
 } drape_material;
 
+/* A closed mesh as a signed distance, which takes about a second to build for 27 000 triangles. Immutable,
+ * and shareable by scenes and threads: references are counted, and the last one given back frees it. */
+typedef struct dr_field drape_field;
+
 typedef enum drape_body_kind {
     DRAPE_BODY_MESH = 0, /* closed triangle mesh, outward normals; a few self-crossings are fine */
     DRAPE_BODY_SPHERE,
@@ -123,10 +127,20 @@ typedef struct drape_body {
     const double *positions;  /* MESH: 3*vertices */
     const uint32_t *triangle; /* MESH: 3*triangles */
     size_t vertices, triangles;
+    /* MESH: what drape_field_new made of these very arrays, which are then not checked again; the scene takes
+     * a reference of its own. NULL: the scene builds it. */
+    drape_field *field;
     double point[3]; /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
     double axis[3];  /* PLANE outward normal, any length > 0; CAPSULE the other end */
     double radius;   /* SPHERE, CAPSULE: m, > 0 */
 } drape_body;
+
+/* Checks the arrays of a MESH and builds its field; *ret is one reference, the caller's. `number` is the
+ * body's in its scene, for the error. */
+drape_status drape_field_new(const drape_body *body, size_t number, drape_field **ret, drape_error *reterr);
+drape_field *drape_field_ref(drape_field *field);   /* one reference more; returns the field */
+drape_field *drape_field_unref(drape_field *field); /* gives one back; NULL is fine; returns NULL */
+size_t drape_field_bytes(const drape_field *field);
 
 /* Whether cloth feels cloth. AUTO decides from the scene, and the report's plan says what it decided: it
  * does where there are seams, bodies or several separate pieces; else it does not, nor by
@@ -389,7 +403,8 @@ typedef struct drape_report {
                                * fallen piece is, along gravity; of several the farthest. Else 0 */
     size_t nodes, free_nodes; /* after welding */
     size_t peak_bytes;        /* held by scene and sim together: the terms' sum, though what draping adds and
-                               * what sewing adds are not held at the same time */
+                               * what sewing adds are not held at the same time. A shared field is
+                               * counted whole */
     /* Edges of the cloth through its triangles in that state; DRAPE_NOT_COUNTED without self-contact. */
     uint32_t self_intersections;
     /* m: where the deepest node inside a body is, else where the first self-intersection is; else NAN. */

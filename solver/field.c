@@ -7,9 +7,17 @@
 /* Inside, on the medial axis, the gradient passes through zero; below this length it is replaced. */
 #define LEAST_GRADIENT 0.01
 
-struct dr_field *dr_field_free(struct dr_field *field)
+struct dr_field *dr_field_ref(struct dr_field *field)
 {
-    if (field) {
+    /* Whoever has a reference to copy keeps the field alive meanwhile: there is nothing to order. */
+    atomic_fetch_add_explicit(&field->references, 1, memory_order_relaxed);
+    return field;
+}
+
+struct dr_field *dr_field_unref(struct dr_field *field)
+{
+    /* Every reader has done with it before the last one frees it. */
+    if (field && atomic_fetch_sub_explicit(&field->references, 1, memory_order_acq_rel) == 1) {
         free(field->table);
         free(field->value);
         free(field);

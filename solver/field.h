@@ -14,6 +14,8 @@
 #ifndef DR_FIELD_H
 #define DR_FIELD_H
 
+#include <stdatomic.h>
+
 #include "drape.h"
 
 #define DR_BLOCK       8 /* nodes along a block's edge */
@@ -26,8 +28,9 @@
 #define DR_FIELD_MAX_TABLE  4194304   /* blocks in the bounding box: 16 MiB of indices */
 #define DR_FIELD_MAX_WORK   500000000 /* point-triangle distances of one pass, about 10 s */
 
-/* Immutable once made; shareable by threads. */
+/* Immutable once made but for its count of references; shareable by threads. */
 struct dr_field {
+    atomic_size_t references;
     double origin[3]; /* position of node 0,0,0, m */
     double spacing;   /* m */
     double reach;     /* m */
@@ -42,7 +45,8 @@ struct dr_field {
 drape_status dr_field_new(const double *positions, size_t vertices, const uint32_t *triangle,
                           size_t triangles, double reach, int64_t number, struct dr_field **ret,
                           drape_error *reterr);
-struct dr_field *dr_field_free(struct dr_field *field); /* NULL is fine; returns NULL */
+struct dr_field *dr_field_ref(struct dr_field *field);   /* one reference more; returns the field */
+struct dr_field *dr_field_unref(struct dr_field *field); /* the last frees it; NULL is fine; returns NULL */
 size_t dr_field_bytes(const struct dr_field *field);
 
 /* As dr_body_distance, which see. */

@@ -485,6 +485,8 @@ drape_status dr_field_new(const double *positions, size_t vertices, const uint32
     b.point = calloc(3 * vertices, sizeof *b.point);
     b.facet = calloc(triangles, sizeof *b.facet);
     drape_status status;
+    if (b.field)
+        atomic_init(&b.field->references, 1);
     if (b.field && b.point && b.facet) {
         b.field->reach = reach;
         status = build(&b, positions, number, reterr);
@@ -497,7 +499,7 @@ drape_status dr_field_new(const double *positions, size_t vertices, const uint32
     free(b.place);
     free(b.nearest);
     if (status < 0)
-        dr_field_free(b.field);
+        dr_field_unref(b.field);
     else
         *ret = b.field;
     return status;

@@ -437,6 +437,54 @@ static void test_body__a_mesh_field_is_twice_differentiable(void **state)
     shape_free(&sphere);
 }
 
+/* A scene that shares a field has the distances and the bytes of one that builds its own. */
+static void test_body__bodies_share_a_field_until_the_last_gives_it_back(void **state)
+{
+    (void)state;
+    struct shape box = shape_box((double[]){-0.05, -0.04, -0.03}, (double[]){0.05, 0.04, 0.03});
+    drape_body desc = shape_body(&box);
+    struct dr_body *own = make_shape(&box), *first = NULL, *second = NULL;
+    drape_field *field = NULL;
+    assert_int_equal(drape_field_new(&desc, 0, &field, NULL), DRAPE_OK);
+    assert_true(drape_field_bytes(field) > 100000);
+    desc.field = field;
+    assert_int_equal(dr_body_new(&desc, 0, &first, NULL), DRAPE_OK);
+    assert_int_equal(dr_body_new(&desc, 0, &second, NULL), DRAPE_OK);
+    assert_int_equal(atomic_load(&field->references), 3);
+    assert_null(drape_field_unref(field)); /* the bodies have theirs */
+    dr_body_free(first);
+    assert_true(dr_body_bytes(second) == dr_body_bytes(own));
+    uint64_t seed = 3;
+    for (int i = 0; i < 1000; i++) {
+        double x[3], phi[2] = {0}, grad[2][3] = {{0}};
+        random_in_box(&seed, (double[]){0, 0, 0}, (double[]){0.08, 0.07, 0.06}, x);
+        assert_int_equal(dr_body_distance(own, x, phi, grad[0]),
+                         dr_body_distance(second, x, phi + 1, grad[1]));
+        assert_true(phi[0] == phi[1]);
+        assert_memory_equal(grad[0], grad[1], sizeof grad[0]);
+    }
+    assert_int_equal(atomic_load(&field->references), 1);
+    dr_body_free(second);
+    dr_body_free(own);
+    shape_free(&box);
+}
+
+static void test_body__a_field_of_an_open_mesh_is_refused(void **state)
+{
+    (void)state;
+    struct shape box = shape_box((double[]){-0.05, -0.04, -0.03}, (double[]){0.05, 0.04, 0.03});
+    drape_body desc = shape_body(&box);
+    drape_field *field = NULL;
+    drape_error error;
+    desc.triangles--;
+    assert_int_equal(drape_field_new(&desc, 2, &field, &error), DRAPE_EINVAL);
+    assert_null(field);
+    assert_int_equal(error.place, DRAPE_AT_BODY_TRIANGLE);
+    assert_int_equal(error.body, 2);
+    assert_null(drape_field_unref(NULL));
+    shape_free(&box);
+}
+
 static void test_body__a_mesh_gradient_is_the_derivative(void **state)
 {
     (void)state;
@@ -892,6 +940,8 @@ int main(void)
         cmocka_unit_test(test_body__a_mesh_sphere_matches_the_sphere),
         cmocka_unit_test(test_body__a_mesh_far_from_the_origin_loses_nothing),
         cmocka_unit_test(test_body__a_mesh_field_is_twice_differentiable),
+        cmocka_unit_test(test_body__bodies_share_a_field_until_the_last_gives_it_back),
+        cmocka_unit_test(test_body__a_field_of_an_open_mesh_is_refused),
         cmocka_unit_test(test_body__a_mesh_gradient_is_the_derivative),
         cmocka_unit_test(test_body__a_symmetric_centre_has_a_gradient),
         cmocka_unit_test(test_body__pieces_that_overlap_are_inside_and_a_cavity_is_outside),
