@@ -11,6 +11,7 @@
 
 #include "config.h"
 #include "executor.h"
+#include "fields.h"
 #include "http.h"
 #include "id.h"
 #include "metrics.h"
@@ -25,6 +26,7 @@ struct api { /* wired by main; outlives the listeners */
     struct queue *queue;
     struct hub *hub;
     struct metrics *metrics;
+    struct fields *fields;
     struct waits *waits;
     struct executor *clerk, *reader;
     const char *blas;     /* the BLAS kernel in use */

@@ -22,6 +22,7 @@ enum flag {
     FLAG_URL_FILE,
     FLAG_LOG_LEVEL,
     FLAG_DRAIN_TIMEOUT,
+    FLAG_FIELD_CACHE,
     FLAG_MAX_BODY,
     FLAG_MAX_VERTICES,
     FLAG_MAX_TRIANGLES,
@@ -43,6 +44,8 @@ static const struct argp_option options[] = {
      1},
     {"log-level", FLAG_LOG_LEVEL, "LEVEL", 0, "error, warning, info or debug (info)", 1},
     {"drain-timeout", FLAG_DRAIN_TIMEOUT, "SECONDS", 0, "How long SIGTERM lets running jobs go on (10)", 1},
+    {"field-cache", FLAG_FIELD_CACHE, "BYTES", 0,
+     "For the distance fields of bodies, kept from job to job (268435456)", 1},
     {NULL, 0, NULL, 0, "Limits:", 2},
     {"max-body", FLAG_MAX_BODY, "BYTES", 0, "Of a request's body (67108864)", 2},
     {"max-vertices", FLAG_MAX_VERTICES, "N", 0, "Of the cloth, and of each body (200000)", 2},
@@ -154,6 +157,7 @@ struct number_flag {
 static const struct number_flag number_table[] = {
     {FLAG_WORKERS, 1, CONFIG_MAX_WORKERS},
     {FLAG_DRAIN_TIMEOUT, 0, 86400},
+    {FLAG_FIELD_CACHE, 0, 1ull << 40},
     {FLAG_MAX_BODY, 1024, 1ull << 32},
     {FLAG_MAX_VERTICES, 3, DRAPE_MAX_VERTICES},
     {FLAG_MAX_TRIANGLES, 1, DRAPE_MAX_TRIANGLES},
@@ -172,6 +176,9 @@ static void set_number(struct config *config, int key, unsigned long long value)
         break;
     case FLAG_DRAIN_TIMEOUT:
         config->drain_seconds = (unsigned)value;
+        break;
+    case FLAG_FIELD_CACHE:
+        config->field_cache_bytes = value;
         break;
     case FLAG_MAX_BODY:
         config->limits.body_bytes = value;
@@ -279,6 +286,7 @@ static void set_defaults(struct config *config)
         .data = state != NULL && state[0] != '\0' ? state : CONFIG_DEFAULT_DATA,
         .workers = usable_processors(),
         .drain_seconds = 10,
+        .field_cache_bytes = CONFIG_FIELD_CACHE_BYTES,
         .log_level = LOG_LEVEL_INFO,
         .limits = limits_default,
     };

@@ -10,12 +10,16 @@
 
 #define CONFIG_MAX_WORKERS 256 /* OpenBLAS as Debian builds it serves few callers more */
 
+/* A person's field takes 14 MiB, the largest there can be 80 MiB: room for the bodies of a shop's few sizes. */
+#define CONFIG_FIELD_CACHE_BYTES ((size_t)256 << 20)
+
 struct config {                            /* strings are borrowed from argv or the environment */
     struct sockaddr_storage listen, admin; /* loopback only, as long as there are no keys */
     const char *data;
     const char *url_file; /* NULL: none */
     unsigned workers;
     unsigned drain_seconds;
+    size_t field_cache_bytes; /* see fields.h */
     enum log_level log_level;
     struct limits limits;
 };

@@ -119,13 +119,14 @@ static int make_rooms(struct server *s)
     struct problem problem;
     api->config = &s->config;
     if ((api->metrics = metrics_new()) == NULL || (api->hub = hub_new(s->config.limits.streams)) == NULL ||
-        (api->waits = waits_new(&answers)) == NULL)
+        (api->waits = waits_new(&answers)) == NULL ||
+        (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
         return fail("rooms", "out of memory");
     metrics_set(api->metrics, METRIC_START_TIME, (double)clock_wall_ms() / 1000);
     if (store_open(s->config.data, api->metrics, &api->store, &problem) != 0)
         return fail("store", problem.detail);
     struct queue_setup setup = {api->store,        api->hub,       api->metrics, &s->config.limits,
-                                s->config.workers, on_job_changed, api};
+                                s->config.workers, on_job_changed, api,          api->fields};
     api->queue = queue_new(&setup);
     /* Every connection may have one thing waiting at the clerk's, and a wait that expires. */
     api->clerk = executor_new("draped-clerk", s->config.limits.connections + 1);
@@ -242,6 +243,7 @@ static void stop(struct server *s)
     api->clerk = executor_free(api->clerk);
     api->reader = executor_free(api->reader);
     api->queue = queue_free(api->queue);
+    api->fields = fields_free(api->fields);
     api->waits = waits_free(api->waits);
     api->hub = hub_free(api->hub);
     api->store = store_close(api->store);

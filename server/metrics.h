@@ -19,6 +19,9 @@ enum metric { /* names, help and types: the table in metrics.c, in this order */
               METRIC_RUN_SECONDS,    /* observed when a job ends */
               METRIC_COMMIT_SECONDS, /* observed at each transaction of the store */
               METRIC_STORE_ERRORS,
+              METRIC_FIELD_HITS,
+              METRIC_FIELD_MISSES,
+              METRIC_FIELD_BYTES,
               METRIC_STREAMS,
               METRIC_CONNECTIONS,
               METRIC_BYTES_FREE,

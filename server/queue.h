@@ -19,6 +19,7 @@
 #include "problem.h"
 #include "stream.h"
 
+struct fields;
 struct metrics;
 struct store;
 struct queue;
@@ -35,6 +36,7 @@ struct queue_setup {
     /* After each change, in order, with the queue's lock held; `body` is lent. May be NULL. */
     void (*changed)(const char *id, struct revision revision, bool ended, const char *body, void *data);
     void *data;
+    struct fields *fields; /* NULL: each job builds the distance fields of its bodies for itself */
 };
 
 struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of memory */

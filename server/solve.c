@@ -8,6 +8,7 @@
 
 #include "clock.h"
 #include "drape.h"
+#include "fields.h"
 #include "meshref.h"
 #include "output.h"
 #include "schema.h"
@@ -59,6 +60,22 @@ static int load(struct run *run, struct problem *reterr)
     return failed;
 }
 
+/* Gives each mesh among the bodies its field; share_done gives back what there is of them. */
+static drape_status share_fields(struct run *run, drape_error *reterr)
+{
+    drape_status status = DRAPE_OK;
+    for (size_t b = 0; run->task->fields && b < run->spec->scene.bodies && status >= 0; b++)
+        if (run->spec->body[b].kind == DRAPE_BODY_MESH)
+            status = fields_get(run->task->fields, run->spec->body + b, b, &run->spec->body[b].field, reterr);
+    return status;
+}
+
+static void share_done(struct run *run)
+{
+    for (size_t b = 0; b < run->spec->scene.bodies; b++)
+        run->spec->body[b].field = drape_field_unref(run->spec->body[b].field);
+}
+
 /* The drape_status of the run, or a negative one with *reterr filled. */
 static drape_status drape(struct run *run, struct problem *reterr)
 {
@@ -66,7 +83,10 @@ static drape_status drape(struct run *run, struct problem *reterr)
     drape_options options = run->spec->options;
     options.progress = on_progress;
     options.progress_data = run;
-    drape_status status = drape_scene_new(&run->spec->scene, &run->scene, &error);
+    drape_status status = share_fields(run, &error);
+    if (status >= 0)
+        status = drape_scene_new(&run->spec->scene, &run->scene, &error);
+    share_done(run); /* the scene has its own references */
     if (status >= 0)
         status = drape_sim_new(run->scene, &options, &run->sim, &error);
     if (status >= 0 && atomic_load(run->task->stop))

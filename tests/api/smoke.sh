@@ -22,6 +22,16 @@ done
 for format in json csv svg; do
     request GET "/v1/jobs/$first/trace?format=$format"; is "the trace comes as $format" "$code" 200
 done
+# Two jobs on one body, side by side: its distance field is built once.
+square 6 '.bodies = [{mesh: {positions: [0,-0.3,0, 0.2,-0.3,0, 0,-0.3,0.2, 0,-0.1,0],
+    triangles: [0,1,2, 0,3,1, 1,3,2, 0,2,3]}}]' >"$work/job"
+submit "$work/job"; one=$id
+submit "$work/job"
+check 'a job on a body succeeds' wait_for "$one" succeeded 120
+check 'and another on the same' wait_for "$id" succeeded 120
+request GET "$admin/metrics"
+like 'the body was built once' "$(grep '^draped_field_cache_' "$body" | tr '\n' ' ')" \
+    'hits_total 1 .*misses_total 1 .*bytes [1-9]'
 request GET /v1/jobs; is 'jobs are listed' "$code" 200
 request GET /v1/materials; is 'materials are listed' "$code" 200
 request GET /v1/info; is 'info is given' "$code" 200

@@ -66,6 +66,9 @@ static void test_config__each_flag_sets_its_own_member(void **state)
     assert_int_equal(parse("--max-reading=5", "--max-time=60"), 0);
     assert_int_equal(config.limits.reading, 5);
     assert_close(config.limits.time_limit_s, 60, 0);
+    assert_int_equal(config.field_cache_bytes, CONFIG_FIELD_CACHE_BYTES);
+    assert_int_equal(parse("--field-cache=0", NULL), 0);
+    assert_int_equal(config.field_cache_bytes, 0);
     assert_int_equal(parse("--log-level=debug", "--url-file=/tmp/u"), 0);
     assert_int_equal(config.log_level, LOG_LEVEL_DEBUG);
     assert_string_equal(config.url_file, "/tmp/u");
@@ -115,6 +118,7 @@ static void test_config__numbers_out_of_range_are_refused(void **state)
                              "--workers=",
                              "--drain-timeout=1.5",
                              "--max-body=1",
+                             "--field-cache=-1",
                              "--max-queued=0",
                              "--max-vertices=99999999",
                              "--max-queued=99999999999999999999",

@@ -42,7 +42,8 @@ static void open_rig(struct rig *rig, unsigned workers, size_t queued)
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
     rig->hub = hub_new(8);
     rig->metrics = metrics_new();
-    struct queue_setup setup = {rig->store, rig->hub, rig->metrics, &rig->limits, workers, on_changed, rig};
+    struct queue_setup setup = {rig->store, rig->hub,   rig->metrics, &rig->limits,
+                                workers,    on_changed, rig,          NULL};
     rig->queue = queue_new(&setup);
     assert_non_null(rig->queue);
     assert_int_equal(queue_start(rig->queue, &problem), 0);
