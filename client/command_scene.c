@@ -13,7 +13,7 @@ enum { MAX_BODIES = 16 };
 
 struct arguments {
     struct cli *cli;
-    const char *garment, *seams, *body[MAX_BODIES];
+    const char *garment, *seams, *lines, *body[MAX_BODIES];
     size_t bodies;
     struct scene scene; /* only members without arrays are set while parsing */
 };
@@ -26,7 +26,8 @@ enum {
     OPTION_OFFSET,
     OPTION_NAME,
     OPTION_SELF_CONTACT,
-    OPTION_THICKNESS
+    OPTION_THICKNESS,
+    OPTION_LINES
 };
 
 static const struct argp_option options[] = {
@@ -40,6 +41,7 @@ static const struct argp_option options[] = {
     {"offset", OPTION_OFFSET, "M", 0, "Distance at which a body is felt (m)", 1},
     {"self-contact", OPTION_SELF_CONTACT, "auto|on|off", 0, "Whether cloth feels cloth", 1},
     {"thickness", OPTION_THICKNESS, "M", 0, "Distance at which cloth feels cloth (m)", 1},
+    {"lines", OPTION_LINES, "FILE", 0, "Lines \"NAME i j k ...\": girths and lengths to be measured", 1},
     {NULL, 0, NULL, 0, "How to solve it (the server's defaults hold otherwise):", 2},
     {"method", 'M', "NAME", 0, "auto, stop-and-go, dynamic, ...", 2},
     {"stop-on", OPTION_STOP_ON, "potential|kinetic", 0, "When stop-and-go stops", 2},
@@ -121,6 +123,9 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     case OPTION_SELF_CONTACT:
         scene->self_contact = argument;
         return 0;
+    case OPTION_LINES:
+        arguments->lines = argument;
+        return 0;
     case OPTION_THICKNESS:
         scene->thickness = cli_number(state, "thickness", argument, 1e-6, 1);
         return 0;
@@ -151,6 +156,10 @@ static int read_files(const struct arguments *arguments, struct scene *scene, st
     }
     if (arguments->seams && objfile_read_seams(arguments->seams, scene->cloth.vertices, &scene->seam,
                                                &scene->seams, failure) < 0) {
+        return -1;
+    }
+    if (arguments->lines && objfile_read_lines(arguments->lines, scene->cloth.vertices, &scene->line,
+                                               &scene->lines, failure) < 0) {
         return -1;
     }
     scene->body = calloc(MAX_BODIES, sizeof *scene->body);

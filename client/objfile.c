@@ -267,6 +267,22 @@ int objfile_read(const char *path, bool with_pattern, struct surface *ret, struc
 
 /* ---- seams --------------------------------------------------------------------------------------- */
 
+/* A one-based vertex number at *line, which moves past it. 0, or -1 with the failure set. */
+static int read_vertex_number(struct reader *reader, const char **line, const char *expected, uint32_t *ret)
+{
+    char *end = NULL;
+    long index = strtol(*line, &end, 10);
+    if (end == *line) {
+        return refuse(reader, "expected %s", expected);
+    }
+    if (index < 1 || (unsigned long)index > reader->vertices) {
+        return refuse(reader, "vertex %ld does not exist; the garment has 1 to %zu", index, reader->vertices);
+    }
+    *ret = (uint32_t)(index - 1);
+    *line = end;
+    return 0;
+}
+
 /* One line into pair[2]; 1 when it holds a pair, 0 when it is blank, -1 with the failure set. */
 static int read_pair(struct reader *reader, const char *line, uint32_t pair[2])
 {
@@ -275,17 +291,9 @@ static int read_pair(struct reader *reader, const char *line, uint32_t pair[2])
         return 0;
     }
     for (int k = 0; k < 2; k++) {
-        char *end = NULL;
-        long index = strtol(line, &end, 10);
-        if (end == line) {
-            return refuse(reader, "expected two vertex numbers");
+        if (read_vertex_number(reader, &line, "two vertex numbers", &pair[k]) < 0) {
+            return -1;
         }
-        if (index < 1 || (unsigned long)index > reader->vertices) {
-            return refuse(reader, "vertex %ld does not exist; the garment has 1 to %zu", index,
-                          reader->vertices);
-        }
-        pair[k] = (uint32_t)(index - 1);
-        line = end;
     }
     return 1;
 }
@@ -333,5 +341,88 @@ int objfile_read_seams(const char *path, size_t vertices, uint32_t **ret, size_t
     }
     *ret = seam;
     *ret_seams = seams;
+    return 0;
+}
+
+/* ---- lines to be measured -------------------------------------------------------------------------- */
+
+void objfile_line_done(struct objfile_line *line)
+{
+    free(line->name);
+    free(line->vertex);
+    *line = (struct objfile_line){0};
+}
+
+/* One line of text; 1 when it holds a line, 0 when it is blank, -1 with the failure set. */
+static int read_named_line(struct reader *reader, const char *text, struct objfile_line *ret)
+{
+    size_t room = 0, length;
+    text += strspn(text, " \t\r\n");
+    if (*text == '\0' || *text == '#') {
+        return 0;
+    }
+    length = strcspn(text, " \t\r\n");
+    ret->name = strndup(text, length);
+    if (!ret->name) {
+        return failure_no_memory(reader->failure);
+    }
+    text += length;
+    while (*(text += strspn(text, " \t\r\n")) != '\0') {
+        void *array = ret->vertex;
+        int status = make_room(reader, &array, &room, ret->vertices, 1, sizeof *ret->vertex);
+        ret->vertex = array;
+        if (status < 0 ||
+            read_vertex_number(reader, &text, "vertex numbers", &ret->vertex[ret->vertices]) < 0) {
+            return -1;
+        }
+        ret->vertices++;
+    }
+    return 1;
+}
+
+static int read_named_lines(FILE *file, struct reader *reader, struct objfile_line **line, size_t *lines)
+{
+    char *text = NULL;
+    size_t size = 0, room = 0;
+    int status = 0;
+    while (status >= 0 && getline(&text, &size, file) >= 0) {
+        void *array = *line;
+        reader->line++;
+        status = make_room(reader, &array, &room, *lines, 1, sizeof **line);
+        *line = array;
+        if (status == 0) {
+            (*line)[*lines] = (struct objfile_line){0};
+            status = read_named_line(reader, text, &(*line)[*lines]);
+            *lines += status != 0; /* half a line has something to be freed, too */
+        }
+    }
+    free(text);
+    return status < 0 ? -1 : 0;
+}
+
+int objfile_read_lines(const char *path, size_t vertices, struct objfile_line **ret, size_t *ret_lines,
+                       struct failure *failure)
+{
+    struct reader reader = {.path = path, .vertices = vertices, .failure = failure};
+    FILE *file = open_file(path, failure);
+    if (!file) {
+        return -1;
+    }
+    struct objfile_line *line = NULL;
+    size_t lines = 0;
+    int status = read_named_lines(file, &reader, &line, &lines);
+    if (status == 0 && ferror(file)) {
+        status = failure_set(failure, EXIT_USAGE, "cannot read %s: %s", path, strerror(errno));
+    }
+    fclose(file);
+    if (status < 0) {
+        while (lines > 0) {
+            objfile_line_done(&line[--lines]);
+        }
+        free(line);
+        return -1;
+    }
+    *ret = line;
+    *ret_lines = lines;
     return 0;
 }

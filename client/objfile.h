@@ -14,4 +14,17 @@ int objfile_read(const char *path, bool with_pattern, struct surface *ret, struc
 int objfile_read_seams(const char *path, size_t vertices, uint32_t **ret, size_t *ret_seams,
                        struct failure *failure);
 
+/* A line on the garment to be measured; owns both. */
+struct objfile_line {
+    char *name;
+    uint32_t *vertex; /* vertices, zero-based */
+    size_t vertices;
+};
+
+/* Lines "NAME i j k ...", one-based vertices, # comments. *ret: *ret_lines, to be emptied one by one with
+ * objfile_line_done and freed. */
+int objfile_read_lines(const char *path, size_t vertices, struct objfile_line **ret, size_t *ret_lines,
+                       struct failure *failure);
+void objfile_line_done(struct objfile_line *line);
+
 #endif

@@ -169,6 +169,25 @@ static void put_contacts(FILE *file, const json_t *report)
     }
 }
 
+/* "waist 712.0 mm draped, 700.0 mm in the pattern, +1.7 %" */
+static void put_lines(FILE *file, const json_t *lines)
+{
+    size_t i;
+    json_t *line;
+    json_array_foreach(lines, i, line)
+    {
+        const json_t *elongation = json_object_get(line, "elongation");
+        put_label(file, i > 0 ? "" : "lines");
+        fprintf(file, "%s: %.1f mm draped, %.1f mm in the pattern", text_of(line, "name"),
+                1000 * json_number_value(json_object_get(line, "draped")),
+                1000 * json_number_value(json_object_get(line, "rest")));
+        if (json_is_number(elongation)) {
+            fprintf(file, ", %+.2f %%", 100 * json_number_value(elongation));
+        }
+        fputc('\n', file);
+    }
+}
+
 static void put_report(FILE *file, const json_t *report)
 {
     put_text(file, "ended because", text_of(report, "reason"));
@@ -181,6 +200,7 @@ static void put_report(FILE *file, const json_t *report)
     put_certificate(file, json_object_get(report, "certificate"));
     put_drop(file, report);
     put_contacts(file, report);
+    put_lines(file, json_object_get(report, "lines"));
 }
 
 static void put_error(FILE *file, const json_t *error)

@@ -27,6 +27,10 @@ void scene_done(struct scene *scene)
         surface_done(&scene->body[b]);
     }
     free(scene->body);
+    for (size_t i = 0; i < scene->lines; i++) {
+        objfile_line_done(&scene->line[i]);
+    }
+    free(scene->line);
     free(scene->seam);
     free(scene->pin);
     *scene = scene_default();
@@ -146,6 +150,21 @@ static void write_bodies(FILE *file, const struct scene *scene)
     fprintf(file, "]");
 }
 
+static int write_lines(FILE *file, const struct scene *scene)
+{
+    int status = 0;
+    fprintf(file, ",\n\"lines\": [");
+    for (size_t i = 0; i < scene->lines; i++) {
+        fprintf(file, "%s{", i > 0 ? ",\n" : "");
+        status |= write_string(file, "name", scene->line[i].name);
+        fprintf(file, ", ");
+        write_indices(file, "vertices", scene->line[i].vertex, scene->line[i].vertices);
+        fputc('}', file);
+    }
+    fputc(']', file);
+    return status;
+}
+
 static const char *comma(int *written)
 {
     return (*written)++ > 0 ? ", " : "";
@@ -190,6 +209,9 @@ int scene_write(FILE *file, const struct scene *scene)
     status |= write_cloth(file, scene);
     if (scene->bodies > 0) {
         write_bodies(file, scene);
+    }
+    if (scene->lines > 0) {
+        status |= write_lines(file, scene);
     }
     if (scene->self_contact) {
         fprintf(file, ",\n");

@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 
+#include "objfile.h"
 #include "surface.h"
 
 struct scene_material {
@@ -29,6 +30,8 @@ struct scene {
     uint32_t *seam;       /* 2*seams, zero-based */
     uint32_t *pin;        /* pins */
     size_t seams, pins;
+    struct objfile_line *line; /* lines, to be measured */
+    size_t lines;
     struct scene_material material;
     struct surface *body; /* bodies */
     size_t bodies;

@@ -10,7 +10,7 @@
 
 #define CONFIG_MAX_WORKERS 256 /* OpenBLAS as Debian builds it serves few callers more */
 
-/* A person's field takes 14 MiB, the largest there can be 80 MiB: room for the bodies of a shop's few sizes. */
+/* A person's field takes 14 MiB, the largest there can be 80: room for the bodies of a shop's few sizes. */
 #define CONFIG_FIELD_CACHE_BYTES ((size_t)256 << 20)
 
 struct config {                            /* strings are borrowed from argv or the environment */

@@ -17,6 +17,10 @@ const struct limits limits_default = {
     .bodies = DRAPE_MAX_BODIES,
     /* One per pattern piece of a large garment, and room to spare. */
     .materials = 256,
+    /* A tailor takes some twenty measures of a person. */
+    .lines = 64,
+    /* Twenty lines of a hundred; with 400 000 triangles to look at for each, a few seconds. */
+    .line_vertices = 2048,
     .name_bytes = 200,
     .labels = 32,
     .max_iterations = DRAPE_MAX_ITERATIONS,

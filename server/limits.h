@@ -13,6 +13,8 @@ struct limits {
     size_t triangles;        /* cloth, and each body mesh; 422 too-large */
     size_t bodies;           /* 422 too-large */
     size_t materials;        /* 422 too-large */
+    size_t lines;            /* to be measured; 422 too-large */
+    size_t line_vertices;    /* of all lines together; 422 too-large */
     size_t name_bytes;       /* job name; 422 */
     size_t labels;           /* 422 */
     uint32_t max_iterations; /* 422 */

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "fitmap.h"
+#include "groups.h"
 #include "plot.h"
 
 /* What every writer below may need; nothing in it is changed by them. */
@@ -27,29 +28,18 @@ typedef int writer_fn(FILE *file, const struct output *output);
 
 /* ---- vertex normals --------------------------------------------------------------------------- */
 
-/* The first vertex of those sewn together with `i`; halves the paths as it goes. */
-static uint32_t find_root(uint32_t *parent, uint32_t i)
-{
-    while (parent[i] != i)
-        i = parent[i] = parent[parent[i]];
-    return i;
-}
-
+/* Groups of the vertices that are sewn together. */
 static uint32_t *weld(const drape_scene_desc *scene)
 {
-    uint32_t *parent = calloc(scene->vertices, sizeof *parent);
-    if (!parent)
-        return NULL;
-    for (size_t i = 0; i < scene->vertices; i++)
-        parent[i] = (uint32_t)i;
-    for (size_t s = 0; s < scene->seams; s++)
-        parent[find_root(parent, scene->seam[2 * s])] = find_root(parent, scene->seam[2 * s + 1]);
-    return parent;
+    uint32_t *group = groups_new(scene->vertices);
+    for (size_t s = 0; group && s < scene->seams; s++)
+        groups_unite(group, scene->seam[2 * s], scene->seam[2 * s + 1]);
+    return group;
 }
 
 /* The cross product of two sides is the normal times twice the area: its sum over the triangles around
  * a vertex is the area-weighted normal. */
-static void add_triangle_normal(const double *x, const uint32_t *t, uint32_t *parent, double *normals)
+static void add_triangle_normal(const double *x, const uint32_t *t, uint32_t *group, double *normals)
 {
     const double *a = x + 3 * (size_t)t[0], *b = x + 3 * (size_t)t[1], *c = x + 3 * (size_t)t[2];
     double u[3], v[3];
@@ -60,19 +50,19 @@ static void add_triangle_normal(const double *x, const uint32_t *t, uint32_t *pa
     double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
     for (size_t corner = 0; corner < 3; corner++)
         for (size_t k = 0; k < 3; k++)
-            normals[3 * (size_t)find_root(parent, t[corner]) + k] += n[k];
+            normals[3 * (size_t)groups_root(group, t[corner]) + k] += n[k];
 }
 
 /* Unit normals, smooth across seams; straight up where there is no surface. malloc'd. */
 static double *make_normals(const drape_scene_desc *scene, const double *positions)
 {
     double *normals = calloc(scene->vertices, 3 * sizeof *normals);
-    uint32_t *parent = weld(scene);
-    if (normals && parent) {
+    uint32_t *group = weld(scene);
+    if (normals && group) {
         for (size_t t = 0; t < scene->triangles; t++)
-            add_triangle_normal(positions, scene->triangle + 3 * t, parent, normals);
+            add_triangle_normal(positions, scene->triangle + 3 * t, group, normals);
         for (size_t i = 0; i < scene->vertices; i++) {
-            size_t root = find_root(parent, (uint32_t)i);
+            size_t root = groups_root(group, (uint32_t)i);
             if (root != i)
                 memcpy(normals + 3 * i, normals + 3 * root, 3 * sizeof *normals);
         }
@@ -85,11 +75,11 @@ static double *make_normals(const drape_scene_desc *scene, const double *positio
         else
             n[1] = 1;
     }
-    if (!parent) {
+    if (!group) {
         free(normals);
         normals = NULL;
     }
-    free(parent);
+    free(group);
     return normals;
 }
 

@@ -243,7 +243,30 @@ const char *schema_residual_energy_is(const drape_report *report)
     return report && report->certificate.certified ? "reference" : "estimate";
 }
 
-json_t *schema_report_json(const drape_report *report)
+/* A line that has no length in the pattern cannot be elongated. */
+static json_t *line_json(const struct line *line, const struct line_length *length)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "name", json_string(line->name));
+    failed |= json_object_set_new(object, "closed", json_boolean(line->closed));
+    failed |= json_object_set_new(object, "rest", number(length->rest));
+    failed |= json_object_set_new(object, "draped", number(length->draped));
+    failed |= json_object_set_new(object, "elongation",
+                                  length->rest > 0 ? number((length->draped - length->rest) / length->rest)
+                                                   : json_null());
+    return finish(object, failed);
+}
+
+json_t *schema_lines_json(const struct lines *lines, const struct line_length *length)
+{
+    json_t *array = json_array();
+    int failed = array == NULL;
+    for (size_t i = 0; i < lines->count; i++)
+        failed |= json_array_append_new(array, line_json(&lines->line[i], &length[i]));
+    return finish(array, failed);
+}
+
+json_t *schema_report_json(const drape_report *report, json_t *lines)
 {
     const drape_row *state = &report->state;
     json_t *object = json_object();
@@ -271,6 +294,7 @@ json_t *schema_report_json(const drape_report *report)
         object, "self_intersections",
         report->self_intersections == DRAPE_NOT_COUNTED ? json_null() : count(report->self_intersections));
     failed |= json_object_set_new(object, "intersection", place_json(report->intersection));
+    failed |= json_object_set_new(object, "lines", lines ? lines : json_null());
     failed |= json_object_set_new(object, "certificate", certificate_json(&report->certificate));
     failed |= json_object_set_new(object, "reason", json_string(report->reason));
     return finish(object, failed);

@@ -147,6 +147,16 @@ static int get_choice(struct reader *r, const json_t *object, const char *pointe
     return refuse(r, PROBLEM_INVALID, pointer, member, "must be one of: %s", names);
 }
 
+static int read_boolean(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                        bool *ret)
+{
+    const json_t *value = json_object_get(object, member);
+    if (value && !json_is_boolean(value))
+        return refuse(r, PROBLEM_INVALID, pointer, member, "must be true or false");
+    *ret = value ? json_is_true(value) : *ret;
+    return 0;
+}
+
 static int refuse_present(struct reader *r, const json_t *object, const char *pointer, const char *member)
 {
     if (!json_object_get(object, member))
@@ -457,6 +467,75 @@ static int read_cloth(struct reader *r, const json_t *root)
     return get_number(r, cloth, "/cloth", "thickness", &ANY, &spec->scene.thickness);
 }
 
+/* ---- lines to be measured --------------------------------------------------------------------- */
+
+static int read_line_name(struct reader *r, const json_t *object, const char *pointer, char **ret)
+{
+    const json_t *name = json_object_get(object, "name");
+    size_t bytes = json_string_length(name);
+    if (!json_is_string(name) || bytes == 0 || bytes > r->limits->name_bytes)
+        return refuse(r, PROBLEM_INVALID, pointer, "name", "must be a string of 1 to %zu bytes",
+                      r->limits->name_bytes);
+    *ret = strdup(json_string_value(name));
+    return *ret ? 0 : out_of_memory(r);
+}
+
+static int read_line(struct reader *r, const json_t *object, const char *pointer, size_t *room,
+                     struct line *ret)
+{
+    static const char *const MEMBERS[] = {"name", "vertices", "closed", NULL};
+    if (check_object(r, object, pointer, MEMBERS) || read_line_name(r, object, pointer, &ret->name) ||
+        read_boolean(r, object, pointer, "closed", &ret->closed) ||
+        get_indices(r, object, pointer, "vertices", 1, r->spec->cloth.vertices, &ret->vertex, &ret->vertices))
+        return -1;
+    if (ret->vertices < 2)
+        return refuse(r, PROBLEM_INVALID, pointer, "vertices", "must be at least two vertices");
+    if (ret->vertices > *room)
+        return refuse(r, PROBLEM_TOO_LARGE, pointer, "vertices", "all lines together have more than %zu",
+                      r->limits->line_vertices);
+    *room -= ret->vertices;
+    return 0;
+}
+
+static int read_lines(struct reader *r, const json_t *root)
+{
+    const json_t *array = json_object_get(root, "lines");
+    size_t n = json_array_size(array), room = r->limits->line_vertices;
+    char at[JSONTEXT_POINTER_BYTES];
+    if (array && !json_is_array(array))
+        return refuse(r, PROBLEM_INVALID, "", "lines", "must be an array");
+    if (n > r->limits->lines)
+        return refuse(r, PROBLEM_TOO_LARGE, "", "lines", "%zu, the limit is %zu", n, r->limits->lines);
+    if (n == 0)
+        return 0;
+    r->spec->lines = lines_new(n);
+    if (!r->spec->lines)
+        return out_of_memory(r);
+    for (size_t i = 0; i < n; i++) {
+        element_pointer(at, sizeof at, "/lines", i);
+        if (read_line(r, json_array_get(array, i), at, &room, &r->spec->lines->line[i]))
+            return -1;
+    }
+    return 0;
+}
+
+/* In a scene that has been checked. */
+static int join_lines(struct reader *r)
+{
+    size_t line = 0, at = 0;
+    char pointer[JSONTEXT_POINTER_BYTES];
+    int rc = r->spec->lines ? lines_join(r->spec->lines, &r->spec->scene, &line, &at) : 0;
+    if (rc < 0)
+        return out_of_memory(r);
+    if (rc != LINES_APART)
+        return 0;
+    const struct line *of = &r->spec->lines->line[line];
+    snprintf(pointer, sizeof pointer, "/lines/%zu/vertices/%zu", line, at);
+    return problem_at(r->problem, PROBLEM_INVALID, pointer,
+                      "vertices %u and %u are in pieces apart, and neither is sewn to the other's",
+                      of->vertex[at], of->vertex[(at + 1) % of->vertices]);
+}
+
 /* ---- bodies ----------------------------------------------------------------------------------- */
 
 static int get_radius(struct reader *r, const json_t *object, const char *pointer, double *ret)
@@ -649,16 +728,6 @@ static int read_damping(struct reader *r, const json_t *solver, drape_options *r
     return get_number(r, damping, "/solver/damping", "material", &NOT_NEGATIVE, &ret->material_damping);
 }
 
-static int read_boolean(struct reader *r, const json_t *object, const char *pointer, const char *member,
-                        bool *ret)
-{
-    const json_t *value = json_object_get(object, member);
-    if (value && !json_is_boolean(value))
-        return refuse(r, PROBLEM_INVALID, pointer, member, "must be true or false");
-    *ret = value ? json_is_true(value) : *ret;
-    return 0;
-}
-
 static int read_solver(struct reader *r, const json_t *root)
 {
     static const char *const MEMBERS[] = {
@@ -684,8 +753,9 @@ static int read_solver(struct reader *r, const json_t *root)
 
 static int read_job(struct reader *r)
 {
-    static const char *const MEMBERS[] = {"name",    "labels", "cloth", "bodies",     "self_contact",
-                                          "gravity", "solver", "fit",   "start_from", NULL};
+    static const char *const MEMBERS[] = {"name",         "labels",     "cloth",  "bodies",
+                                          "self_contact", "gravity",    "solver", "fit",
+                                          "lines",        "start_from", NULL};
     json_t *root = r->json.root;
     int self_contact = (int)r->spec->scene.self_contact;
     if (check_object(r, root, "", MEMBERS) || refuse_present(r, root, "", "start_from") ||
@@ -695,7 +765,7 @@ static int read_job(struct reader *r)
         read_boolean(r, root, "", "fit", &r->spec->options.fit) || read_cloth(r, root))
         return -1;
     r->spec->scene.self_contact = (drape_self_contact)self_contact;
-    return read_bodies(r, root);
+    return read_lines(r, root) ? -1 : read_bodies(r, root);
 }
 
 /* Points the scene at the arrays of the spec, which by now stay where they are. */
@@ -732,7 +802,7 @@ static int check_scene(struct reader *r)
     drape_error error;
     link_scene(r->spec);
     if (drape_check(&r->spec->scene, &r->spec->options, &error) >= 0)
-        return 0;
+        return join_lines(r);
     schema_solver_problem(&error, r->problem);
     point_at_ref(r, r->problem);
     return -1;
@@ -771,6 +841,7 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     for (size_t i = 0; spec->body_mesh && i < spec->scene.bodies; i++)
         mesh_done(&spec->body_mesh[i]);
     mesh_done(&spec->cloth);
+    lines_free(spec->lines);
     json_decref(spec->labels);
     free(spec->seam);
     free(spec->pin);

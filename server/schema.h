@@ -5,6 +5,7 @@
 
 #include "drape.h"
 #include "limits.h"
+#include "lines.h"
 #include "meshfile.h"
 #include "problem.h"
 
@@ -17,6 +18,7 @@ struct job_spec {      /* owns everything it points to */
     double **curve;         /* 3*materials: points of a weft, warp, shear curve; NULL where it is a number */
     struct mesh *body_mesh; /* one per body, empty unless it is a mesh */
     drape_body *body;
+    struct lines *lines;    /* to be measured, joined; NULL: none */
     drape_scene_desc scene; /* points into the arrays above */
     drape_options options;  /* progress left NULL */
 };
@@ -40,7 +42,8 @@ const char *schema_residual_energy_is(const drape_report *report);
 /* New references, NULL when out of memory; non-finite numbers become null. */
 json_t *schema_energies_json(const drape_energies *energies);
 json_t *schema_progress_json(const drape_progress *progress, const drape_options *options);
-json_t *schema_report_json(const drape_report *report);
+json_t *schema_report_json(const drape_report *report, json_t *lines); /* takes `lines`; NULL: none */
+json_t *schema_lines_json(const struct lines *lines, const struct line_length *length);
 json_t *schema_materials_json(void); /* the presets, each with its source */
 
 #endif

@@ -98,6 +98,20 @@ static drape_status drape(struct run *run, struct problem *reterr)
     return status;
 }
 
+/* The lengths of the lines the job names; JSON null where it names none. */
+static int measure_lines(const struct run *run, const double *positions, json_t **ret)
+{
+    const struct lines *lines = run->spec->lines;
+    *ret = NULL;
+    if (lines == NULL)
+        return 0;
+    struct line_length *length = calloc(lines->count, sizeof *length);
+    if (length != NULL && lines_measure(lines, &run->spec->scene, positions, length) == 0)
+        *ret = schema_lines_json(lines, length);
+    free(length);
+    return *ret != NULL ? 0 : -1;
+}
+
 static int write_results(struct run *run, struct problem *reterr)
 {
     const struct solve_task *task = run->task;
@@ -108,7 +122,9 @@ static int write_results(struct run *run, struct problem *reterr)
     int dirfd;
     snprintf(run->outcome->verdict, sizeof run->outcome->verdict, "%s", drape_verdict_name(report->verdict));
     run->outcome->iterations = report->iterations;
-    run->outcome->report = dump(schema_report_json(report));
+    json_t *lines;
+    if (measure_lines(run, positions, &lines) == 0)
+        run->outcome->report = dump(schema_report_json(report, lines));
     if (run->outcome->report == NULL)
         return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     if (store_results_begin(task->store, task->id, task->attempt, &dirfd, reterr) != 0)

@@ -41,5 +41,17 @@ check 'nor in the GLB' bash -c '! grep -aq COLOR_0 "$1"' - "$body"
 
 drape 'a square that nothing holds' 'del(.cloth.pins) | .bodies = [{sphere: {center: [5, -0.2, 0], radius: 0.05}}]'
 json 'a square that misses the body slid off, by what it fell' '.verdict == "slid-off" and .report.drop > 0.253'
+# A strip of 0.175 m that hangs by its weight, weft down: at the height s above its end the force per width is
+# w s, w = 0.15 * 9.81, so that k E l = w s with E = (l^2 - 1)/2; to second order E = a - a^2, l = 1 + a - 3 a^2 / 2
+# with a = w s / k, in all L (A/2 - A^2/2) longer with A = w L / k.
+drape 'a strip that hangs' '.cloth.materials = [{density: 0.15, stretch: {weft: 20, warp: 20, shear: 10}, bend: 0}]
+    | .solver.tolerance = 1e-5 | .lines = [{name: "length", vertices: [13, 76]}, {name: "round", closed: true,
+        vertices: [9, 17, 80, 72]}]'
+json 'it comes to rest' '.verdict == "at-rest"'
+json 'its line is as much longer as its weight makes it' '(0.15 * 9.81 * 0.175 / 20) as $A | .report.lines[0]
+    | .name == "length" and (.rest - 0.175 | . < 1e-12 and . > -1e-12)
+    and (.elongation / ($A / 2 - $A * $A / 2) | . > 0.998 and . < 1.002)'
+json 'a closed line goes round' '.report.lines[1] | .closed and (.rest - 0.75 | . < 1e-12 and . > -1e-12)'
+json 'the others have none' '.report.lines | length == 2'
 stop_daemon
 finish

@@ -35,6 +35,12 @@ count materials /cloth/materials "[range($n)] as \$n | .cloth.materials |= [\$n[
 n=$(limit bodies)
 count bodies /bodies ".bodies = [range($n) | {plane: {point: [0, -9, 0], normal: [0, 1, 0]}}]" \
     ".bodies = [range($n + 1) | {plane: {point: [0, -9, 0], normal: [0, 1, 0]}}]"
+n=$(limit lines)
+count lines /lines ".lines = [range($n) | {name: \"l\", vertices: [0, 1]}]" \
+    ".lines = [range($n + 1) | {name: \"l\", vertices: [0, 1]}]"
+n=$(limit line_vertices)
+count 'vertices of lines' /lines/0/vertices ".lines = [{name: \"l\", vertices: [range($n) | . % 25]}]" \
+    ".lines = [{name: \"l\", vertices: [range($n + 1) | . % 25]}]"
 n=$(limit name_bytes)
 count name /name ".name = (\"n\" * $n)" ".name = (\"n\" * ($n + 1))"
 n=$(limit labels)

@@ -77,6 +77,41 @@ static void test_objfile__refusals_name_the_line(void **state)
     check_refusal("hello\n", false, "no faces", "OBJ");
 }
 
+static int read_line_text(const char *text, struct objfile_line **line, size_t *lines,
+                          struct failure *failure)
+{
+    char path[64];
+    write_file(text, path);
+    int status = objfile_read_lines(path, 10, line, lines, failure);
+    unlink(path);
+    return status;
+}
+
+static void test_objfile__reads_lines_to_be_measured(void **state)
+{
+    (void)state;
+    struct failure failure = {0};
+    struct objfile_line *line = NULL;
+    size_t lines = 0;
+    assert_int_equal(read_line_text("# measures\nwaist 1 10 5 1\n\n  hem\t2 3\n", &line, &lines, &failure),
+                     0);
+    assert_int_equal(lines, 2);
+    assert_string_equal(line[0].name, "waist");
+    assert_int_equal(line[0].vertices, 4);
+    assert_int_equal(line[0].vertex[1], 9);
+    assert_string_equal(line[1].name, "hem");
+    assert_int_equal(line[1].vertex[0], 1);
+    for (size_t i = 0; i < lines; i++) {
+        objfile_line_done(&line[i]);
+    }
+    free(line);
+    const char *const wrong[] = {"hem 1 2\nwaist 1 11\n", "waist 0\n", "waist 1 two\n"};
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        assert_int_equal(read_line_text(wrong[i], &line, &lines, &failure), -1);
+        assert_non_null(strstr(failure.message, i == 0 ? ":2: vertex 11" : ":1: "));
+    }
+}
+
 static int read_seam_text(const char *text, uint32_t **seam, size_t *seams, struct failure *failure)
 {
     char path[64];
@@ -141,6 +176,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_objfile__reads_polygons_patterns_and_negative_indices),
         cmocka_unit_test(test_objfile__refusals_name_the_line),
+        cmocka_unit_test(test_objfile__reads_lines_to_be_measured),
         cmocka_unit_test(test_objfile__reads_seams_from_one),
         cmocka_unit_test(test_objfile__names_a_file_that_is_not_there),
         cmocka_unit_test(test_objfile__reads_the_shared_shirt),

@@ -72,6 +72,22 @@ static void test_report__shows_what_intersects_and_where(void **state)
     free(text);
 }
 
+static void test_report__shows_how_long_lines_became(void **state)
+{
+    (void)state;
+    char *text =
+        job_text("{\"id\":\"j1\",\"report\":{\"lines\":["
+                 "{\"name\":\"waist\",\"closed\":true,\"rest\":0.7,\"draped\":0.7119,\"elongation\":0.017},"
+                 "{\"name\":\"dot\",\"closed\":false,\"rest\":0,\"draped\":0,\"elongation\":null}]}}");
+    assert_non_null(
+        strstr(text, "lines          waist: 711.9 mm draped, 700.0 mm in the pattern, +1.70 %\n"));
+    assert_non_null(strstr(text, "               dot: 0.0 mm draped, 0.0 mm in the pattern\n"));
+    free(text);
+    text = job_text("{\"id\":\"j1\",\"report\":{\"lines\":null}}");
+    assert_null(strstr(text, "lines"));
+    free(text);
+}
+
 static void test_report__shows_the_error_of_a_failed_job(void **state)
 {
     (void)state;
@@ -130,6 +146,7 @@ int main(void)
         cmocka_unit_test(test_report__shows_verdict_reason_counts_and_energies),
         cmocka_unit_test(test_report__shows_how_far_a_piece_slid_off),
         cmocka_unit_test(test_report__shows_what_intersects_and_where),
+        cmocka_unit_test(test_report__shows_how_long_lines_became),
         cmocka_unit_test(test_report__shows_the_error_of_a_failed_job),
         cmocka_unit_test(test_report__trace_keeps_first_and_last_rows),
     };

@@ -82,7 +82,16 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_null(at(job, "bodies"));
     assert_null(at(job, "cloth.pins"));
     assert_null(at(job, "cloth.thickness"));
+    assert_null(at(job, "lines"));
     json_decref(job);
+    scene.line = calloc(1, sizeof *scene.line);
+    assert_non_null(scene.line);
+    scene.lines = 1;
+    scene.line->name = strdup("Brust \"A\"");
+    scene.line->vertex = calloc(2, sizeof *scene.line->vertex);
+    assert_non_null(scene.line->vertex);
+    scene.line->vertices = 2;
+    scene.line->vertex[1] = 2;
     scene.thickness = 0.001;
     scene.solver.method = "auto";
     scene.solver.max_iterations = 0;
@@ -96,6 +105,9 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_int_equal(json_integer_value(at(job, "solver.max_iterations")), 0);
     assert_true(json_is_number(at(job, "bodies.0.friction")));
     assert_null(at(job, "bodies.0.offset"));
+    assert_string_equal(json_string_value(at(job, "lines.0.name")), "Brust \"A\"");
+    assert_int_equal(json_array_size(at(job, "lines.0.vertices")), 2);
+    assert_int_equal(json_integer_value(at(job, "lines.0.vertices.1")), 2);
     assert_near(json_number_value(at(job, "cloth.thickness")), 0.001, 1e-12, 1);
     json_decref(job);
     scene_done(&scene);

@@ -70,7 +70,8 @@ static const char JOB[] =
     " \"materials\": [{\"preset\": \"linen\"}, {\"preset\": \"denim\", \"poisson\": 0,"
     " \"stretch\": {\"weft\": [[0.1, 5]], \"shear\": [[0.1, 2], [0.2, 9]]}}], \"triangle_material\": [1, 0]},"
     " \"bodies\": [{\"mesh\": {\"positions\": [0,-7,0, 1,-7,0, 0,-7,1, 0,-6,0],"
-    " \"triangles\": [0,1,2, 0,3,1, 1,3,2, 0,2,3]}}]}";
+    " \"triangles\": [0,1,2, 0,3,1, 1,3,2, 0,2,3]}}],"
+    " \"lines\": [{\"name\": \"hem\", \"vertices\": [0, 1]}]}";
 static const char OBJ[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
 static const char PLY[] = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
                           "property float z\nproperty float s\nproperty float t\nelement face 1\n"
@@ -122,7 +123,7 @@ static int try_report(struct problem *reterr)
     drape_report report = {.reason = "", .terms = 2, .stages = 1, .stage = {{"assemble", 1}}};
     report.term[0] = (drape_term){"stretch", true, 1, ""};
     report.term[1] = (drape_term){"contact", false, 0, "no body"};
-    return without_json(schema_report_json(&report), reterr);
+    return without_json(schema_report_json(&report, NULL), reterr);
 }
 
 static int try_progress(struct problem *reterr)

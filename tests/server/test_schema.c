@@ -386,16 +386,61 @@ static void test_schema__what_intersects_is_counted_and_placed(void **state)
     (void)state;
     drape_report report = {
         .reason = "", .self_intersections = DRAPE_NOT_COUNTED, .intersection = {NAN, NAN, NAN}};
-    json_t *json = schema_report_json(&report);
+    json_t *json = schema_report_json(&report, NULL);
     assert_true(json_is_null(json_object_get(json, "self_intersections")));
     assert_true(json_is_null(json_object_get(json, "intersection")));
     json_decref(json);
     report.self_intersections = 3;
     memcpy(report.intersection, (double[3]){0.5, 1, -2}, sizeof report.intersection);
-    json = schema_report_json(&report);
+    json = schema_report_json(&report, NULL);
     assert_int_equal(json_integer_value(json_object_get(json, "self_intersections")), 3);
     assert_close(json_number_value(json_array_get(json_object_get(json, "intersection"), 2)), -2, 0);
     json_decref(json);
+}
+
+static void test_schema__lines_are_read_and_told_with_their_lengths(void **state)
+{
+    (void)state;
+    struct job_spec *spec =
+        parse_with("/lines", "[{\"name\": \"hem\", \"vertices\": [0, 3]},"
+                             " {\"name\": \"round\", \"vertices\": [0, 1, 3, 2], \"closed\": true}]");
+    assert_int_equal(spec->lines->count, 2);
+    assert_string_equal(spec->lines->line[0].name, "hem");
+    assert_false(spec->lines->line[0].closed);
+    assert_int_equal(spec->lines->line[0].segments, 1);
+    assert_int_equal(spec->lines->line[1].segments, 4);
+    assert_int_equal(spec->lines->line[1].vertex[2], 3);
+    const struct line_length length[2] = {{2, 2.5}, {0, 0}};
+    json_t *json = schema_lines_json(spec->lines, length), *hem = json_array_get(json, 0);
+    assert_string_equal(json_string_value(json_object_get(hem, "name")), "hem");
+    assert_close(json_number_value(json_object_get(hem, "rest")), 2, 0);
+    assert_close(json_number_value(json_object_get(hem, "elongation")), 0.25, 1e-15);
+    assert_true(json_is_null(json_object_get(json_array_get(json, 1), "elongation")));
+    assert_true(json_is_true(json_object_get(json_array_get(json, 1), "closed")));
+    json_decref(json);
+    job_spec_free(spec);
+}
+
+static void test_schema__lines_across_pieces_need_a_seam(void **state)
+{
+    (void)state;
+    static const char JOB[] =
+        "{\"cloth\": {\"mesh\": {\"positions\": [0,1,0, 1,1,0, 0,1,1, 1,1,0, 0,1,1, 1,1,1],"
+        " \"triangles\": [0,2,1, 3,4,5], \"pattern\": [0,0, 1,0, 0,1, 1,0, 0,1, 1,1]}, \"pins\": [0, 5],"
+        " \"materials\": [{\"preset\": \"linen\"}]%s}, \"lines\": [{\"name\": \"a\", \"vertices\": [2, 0, "
+        "5]}]}";
+    char text[sizeof JOB + 40];
+    struct problem problem;
+    snprintf(text, sizeof text, JOB, "");
+    expect_text(text, &limits_default, PROBLEM_INVALID, "/lines/0/vertices/1");
+    snprintf(text, sizeof text, JOB, ", \"seams\": [1,3, 2,4]");
+    expect_text(text, &limits_default, PROBLEM_INVALID, "/lines/0/vertices/1"); /* 0 and 5 are no seam's */
+    char *at = strstr(text, "[2, 0, 5]");
+    memcpy(at, "[0, 2, 5]", 9); /* 4, to which 2 is sewn, is of the piece of 5 */
+    struct job_spec *spec = parse(text, &limits_default, &problem);
+    assert_non_null(spec);
+    assert_int_equal(spec->lines->line[0].ends[2], 4);
+    job_spec_free(spec);
 }
 
 static void test_schema__uploaded_meshes_are_loaded_by_hash(void **state)
@@ -489,6 +534,15 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/self_contact", "\"maybe\"", NULL},
         {"/self_contact", "false", NULL},
         {"/fit", "1", NULL},
+        {"/lines", "{}", NULL},
+        {"/lines", "[7]", "/lines/0"},
+        {"/lines", "[{\"vertices\": [0, 1]}]", "/lines/0/name"},
+        {"/lines", "[{\"name\": \"\", \"vertices\": [0, 1]}]", "/lines/0/name"},
+        {"/lines", "[{\"name\": \"a\"}]", "/lines/0/vertices"},
+        {"/lines", "[{\"name\": \"a\", \"vertices\": [0]}]", "/lines/0/vertices"},
+        {"/lines", "[{\"name\": \"a\", \"vertices\": [0, 4]}]", "/lines/0/vertices/1"},
+        {"/lines", "[{\"name\": \"a\", \"vertices\": [0, 1], \"closed\": 1}]", "/lines/0/closed"},
+        {"/lines", "[{\"name\": \"a\", \"vertices\": [0, 1], \"colour\": 1}]", "/lines/0/colour"},
         {"/solver/fit", "true", NULL},
         {"/solver", "[]", NULL},
         {"/solver/method", "\"magic\"", NULL},
@@ -677,6 +731,10 @@ static void test_schema__every_limit_holds_at_the_limit_and_not_past_it(void **s
     CHECK(triangles, 2, NULL, NULL, PROBLEM_TOO_LARGE, "/cloth/mesh/triangles");
     CHECK(bodies, 1, NULL, NULL, PROBLEM_TOO_LARGE, "/bodies");
     CHECK(materials, 1, NULL, NULL, PROBLEM_TOO_LARGE, "/cloth/materials");
+    CHECK(lines, 1, "/lines", "[{\"name\": \"hem\", \"vertices\": [0, 1]}]", PROBLEM_TOO_LARGE, "/lines");
+    CHECK(line_vertices, 5, "/lines",
+          "[{\"name\": \"hem\", \"vertices\": [0, 1]}, {\"name\": \"side\", \"vertices\": [0, 2, 3]}]",
+          PROBLEM_TOO_LARGE, "/lines/1/vertices");
     CHECK(name_bytes, 5, "/name", "\"dress\"", PROBLEM_INVALID, "/name");
     CHECK(labels, 2, "/labels", "{\"a\": \"1\", \"b\": \"2\"}", PROBLEM_INVALID, "/labels");
     CHECK(max_iterations, 50, "/solver/max_iterations", "50", PROBLEM_INVALID, "/solver/max_iterations");
@@ -872,6 +930,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "drop",
                                           "self_intersections",
                                           "intersection",
+                                          "lines",
                                           "certificate",
                                           "reason",
                                           NULL};
@@ -886,7 +945,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
         .term = {{"stretch", true, 100, ""}, {"contact", false, 0, "no body in the scene"}},
         .stages = 1,
         .stage = {{"assemble", 0.5}}};
-    json_t *json = schema_report_json(&report), *plan = json_object_get(json, "plan");
+    json_t *json = schema_report_json(&report, NULL), *plan = json_object_get(json, "plan");
     expect_members(json, MEMBERS);
     assert_int_equal(json_array_size(json_object_get(plan, "kept")), 1);
     json_t *left = json_array_get(json_object_get(plan, "left_out"), 0);
@@ -906,7 +965,7 @@ static void test_schema__a_certificate_is_told_with_its_figures(void **state)
     static const char *const MEMBERS[] = {"certified", "reason", "largest_move",   "energy_left", "curvature",
                                           "escapes",   "steps",  "factorizations", NULL};
     drape_report report = {.reason = "so it is", .certificate = {true, "proven", 1e-16, 2e-28, 14, 1, 3, 5}};
-    json_t *json = schema_report_json(&report), *certificate = json_object_get(json, "certificate");
+    json_t *json = schema_report_json(&report, NULL), *certificate = json_object_get(json, "certificate");
     expect_members(certificate, MEMBERS);
     assert_true(json_is_true(json_object_get(certificate, "certified")));
     assert_close(json_number_value(json_object_get(certificate, "largest_move")), 1e-16, 0);
@@ -915,7 +974,7 @@ static void test_schema__a_certificate_is_told_with_its_figures(void **state)
     json_decref(json);
 
     report.certificate = (drape_certificate){.reason = "the drape is not at rest", .largest_move = NAN};
-    json = schema_report_json(&report);
+    json = schema_report_json(&report, NULL);
     certificate = json_object_get(json, "certificate");
     assert_true(json_is_false(json_object_get(certificate, "certified")));
     assert_true(json_is_null(json_object_get(certificate, "largest_move"))); /* NAN is no JSON */
@@ -966,6 +1025,7 @@ static void test_schema__openapi_gives_the_defaults_and_limits_there_are(void **
     assert_int_equal(json_integer_value(look_up(job, "/name/maxLength")), limits_default.name_bytes);
     assert_int_equal(json_integer_value(look_up(job, "/labels/maxProperties")), limits_default.labels);
     assert_int_equal(json_integer_value(look_up(job, "/bodies/maxItems")), limits_default.bodies);
+    assert_int_equal(json_integer_value(look_up(job, "/lines/maxItems")), limits_default.lines);
     const json_t *body = json_array_get(look_up(schemas, "/Body/oneOf"), 0);
     assert_close(default_of(body, "/properties/offset"), DRAPE_DEFAULT_OFFSET, 0);
     const json_t *thickness = look_up(schemas, "/Cloth/properties/thickness");
@@ -995,7 +1055,7 @@ static void test_schema__openapi_has_the_members_of_progress_and_report(void **s
     drape_report report = {.reason = ""};
     drape_options options = drape_options_default();
     json_t *root = json_load_file("server/openapi.json", 0, NULL);
-    json_t *json[] = {schema_progress_json(&progress, &options), schema_report_json(&report)};
+    json_t *json[] = {schema_progress_json(&progress, &options), schema_report_json(&report, NULL)};
     static const char *const NAME[] = {"/components/schemas/Progress/properties",
                                        "/components/schemas/Report/properties"};
     for (size_t i = 0; i < 2; i++) {
@@ -1025,6 +1085,8 @@ int main(void)
         cmocka_unit_test(test_schema__seams_labels_and_materials_by_triangle_are_read),
         cmocka_unit_test(test_schema__self_contact_is_passed_on_but_not_to_plain_newton),
         cmocka_unit_test(test_schema__what_intersects_is_counted_and_placed),
+        cmocka_unit_test(test_schema__lines_are_read_and_told_with_their_lengths),
+        cmocka_unit_test(test_schema__lines_across_pieces_need_a_seam),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__what_the_contract_has_and_this_version_not_is_unsupported),
