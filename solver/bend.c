@@ -801,3 +801,9 @@ struct dr_bend_stiffness *dr_bend_stiffness_free(struct dr_bend_stiffness *q)
     }
     return NULL;
 }
+
+size_t dr_bend_stiffness_bytes(const struct dr_bend_stiffness *q)
+{
+    return sizeof *q + (q->nodes + 1) * sizeof *q->start +
+           q->start[q->nodes] * (sizeof *q->row + sizeof *q->value);
+}

@@ -41,5 +41,6 @@ struct dr_bend_stiffness {
 drape_status dr_bend_stiffness_new(const struct dr_bend *bend, size_t nodes, struct dr_bend_stiffness **ret,
                                    drape_error *reterr);
 struct dr_bend_stiffness *dr_bend_stiffness_free(struct dr_bend_stiffness *q);
+size_t dr_bend_stiffness_bytes(const struct dr_bend_stiffness *q);
 
 #endif

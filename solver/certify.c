@@ -200,9 +200,11 @@ static drape_status is_above(struct dr_state *s, double bound, bool *ret, drape_
     struct dr_matrix *A = s->cloth->A;
     enum dr_factored factored;
     dr_matrix_set_base(A, -bound);
-    dr_cloth_assemble(s->cloth, s->x, 1);
+    drape_status status = dr_cloth_assemble(s->cloth, s->x, 1, reterr);
+    if (status < 0)
+        return status;
     dr_matrix_lower_by_round_off(A);
-    drape_status status = dr_sim_factorise(s->sim, A, &factored, reterr);
+    status = dr_sim_factorise(s->sim, A, &factored, reterr);
     *ret = factored == DR_FACTORED;
     return status;
 }

@@ -7,6 +7,21 @@
 
 #include "error.h"
 
+/* Friction of the cloth with itself: fabrics that state none have that of the roughest body. */
+static drape_status roughen(const drape_scene *scene, struct dr_cloth *cloth, drape_error *reterr)
+{
+    size_t nodes = cloth->mesh->nodes;
+    double *array = malloc(3 * nodes * sizeof *array), mu = 0;
+    if (!array)
+        return dr_out_of_memory(reterr);
+    for (size_t b = 0; b < scene->bodies; b++)
+        mu = fmax(mu, dr_body_friction(scene->body[b]));
+    dr_friction_coefficients(cloth->mesh, scene->material, array, array + nodes, array + 2 * nodes);
+    drape_status status = dr_self_roughen(cloth->self, array, array + nodes, mu, reterr);
+    free(array);
+    return status;
+}
+
 /* The terms beside the matrix. */
 static drape_status new_terms(const struct dr_cloth_plan *plan, const double *start, struct dr_cloth *cloth,
                               drape_error *reterr)
@@ -29,21 +44,23 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
         dr_stretch_new(plan->mesh, scene->material, scene->materials, &cloth->stretch, reterr);
     if (status >= 0 && plan->contact)
         status = dr_contact_new(plan->mesh, scene->body, scene->bodies, &cloth->contact, reterr);
-    if (status >= 0 && plan->friction)
+    if (status >= 0 && plan->friction && plan->contact)
         status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
+    if (status >= 0 && plan->self)
+        status = dr_self_new(plan->mesh, scene->thickness, &cloth->self, reterr);
+    if (status >= 0 && plan->self && plan->friction)
+        status = roughen(scene, cloth, reterr);
     return status;
 }
 
-static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_matrix **ret, drape_error *reterr)
+static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth *cloth, drape_error *reterr)
 {
-    struct dr_bend_stiffness *stiffness = NULL;
     drape_status status = DRAPE_OK;
     if (plan->bend)
-        status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &stiffness, reterr);
+        status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &cloth->stiffness, reterr);
     if (status >= 0)
-        status = dr_matrix_new(plan->mesh, stiffness, plan->link, plan->links,
-                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, ret, reterr);
-    dr_bend_stiffness_free(stiffness);
+        status = dr_matrix_new(plan->mesh, cloth->stiffness, plan->link, plan->links,
+                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, &cloth->A, reterr);
     return status;
 }
 
@@ -57,7 +74,7 @@ drape_status dr_cloth_new(const struct dr_cloth_plan *plan, const double *start,
     cloth->bend = plan->bend;
     drape_status status = new_terms(plan, start, cloth, reterr);
     if (status >= 0 && plan->matrix != DR_MATRIX_NONE)
-        status = new_matrix(plan, &cloth->A, reterr);
+        status = new_matrix(plan, cloth, reterr);
     if (status < 0)
         dr_cloth_free(cloth);
     else
@@ -69,6 +86,10 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
 {
     if (cloth) {
         dr_matrix_free(cloth->A);
+        if (cloth->stiffness)
+            dr_bend_stiffness_free(cloth->stiffness);
+        if (cloth->self)
+            dr_self_free(cloth->self);
         dr_friction_free(cloth->friction);
         dr_contact_free(cloth->contact);
         dr_stretch_free(cloth->stretch);
@@ -90,8 +111,12 @@ void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS])
         bytes[DR_TERM_CONTACT] += dr_contact_bytes(cloth->contact);
     if (cloth->friction)
         bytes[DR_TERM_FRICTION] += dr_friction_bytes(cloth->friction);
+    if (cloth->self)
+        bytes[DR_TERM_SELF_CONTACT] += dr_self_bytes(cloth->self);
     if (cloth->A)
         bytes[DR_TERM_JACOBIAN] += dr_matrix_bytes(cloth->A);
+    if (cloth->stiffness)
+        bytes[DR_TERM_JACOBIAN] += dr_bend_stiffness_bytes(cloth->stiffness);
     if (cloth->stress)
         bytes[DR_TERM_GEOMETRIC_STIFFNESS] += 3 * cloth->mesh->triangles * sizeof *cloth->stress;
 }
@@ -122,6 +147,8 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
     ret->contact = cloth->contact ? dr_contact_energy(cloth->contact, x, f) : 0;
     if (cloth->friction)
         ret->contact += dr_friction_energy(cloth->friction, x, f);
+    if (cloth->self)
+        ret->contact += dr_self_energy(cloth->self, x, f);
     ret->gravity = 0;
     if (cloth->start)
         ret->gravity = add_gravity(cloth, x, f);
@@ -132,14 +159,51 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
     return ret->potential;
 }
 
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite)
+/* Gives the matrix a place for every pair of nodes that touch one another at x. */
+static drape_status link_touching(struct dr_cloth *cloth, const double *x, drape_error *reterr)
 {
+    const uint32_t *link;
+    size_t links;
+    if (dr_self_fits(cloth->self, x, cloth->A))
+        return DRAPE_OK;
+    drape_status status = dr_self_links(cloth->self, x, &link, &links, reterr);
+    return status < 0 ? status : dr_matrix_relink(cloth->A, link, links, reterr);
+}
+
+drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
+                               drape_error *reterr)
+{
+    drape_status status = cloth->self ? link_touching(cloth, x, reterr) : DRAPE_OK;
+    if (status < 0)
+        return status;
     dr_matrix_reset(cloth->A);
     dr_stretch_hessian(cloth->stretch, x, cloth->stress, indefinite, cloth->A);
     if (cloth->contact)
         dr_contact_hessian(cloth->contact, x, indefinite, cloth->A);
     if (cloth->friction)
         dr_friction_hessian(cloth->friction, x, indefinite, cloth->A);
+    if (cloth->self)
+        dr_self_hessian(cloth->self, x, indefinite, cloth->A);
+    return DRAPE_OK;
+}
+
+bool dr_cloth_has_anchors(const struct dr_cloth *cloth)
+{
+    return cloth->friction || (cloth->self && dr_self_holds(cloth->self));
+}
+
+void dr_cloth_renew_anchors(struct dr_cloth *cloth, const double *x)
+{
+    if (cloth->friction)
+        dr_friction_update(cloth->friction, x);
+    if (cloth->self)
+        dr_self_renew(cloth->self, x);
+}
+
+double dr_cloth_held(const struct dr_cloth *cloth, const double *x)
+{
+    return (cloth->friction ? dr_friction_energy(cloth->friction, x, NULL) : 0) +
+           (cloth->self ? dr_self_held(cloth->self, x) : 0);
 }
 
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f)

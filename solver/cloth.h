@@ -8,18 +8,21 @@
 #include "friction.h"
 #include "matrix.h"
 #include "plan.h"
+#include "self.h"
 #include "stretch.h"
 
 struct dr_cloth {
     const struct dr_mesh *mesh;
     const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
-    struct dr_contact *contact;   /* NULL: left out */
-    struct dr_friction *friction; /* NULL: left out */
-    struct dr_matrix *A;          /* NULL: an explicit integrator needs none */
-    double gravity[3];            /* zero: left out */
-    double *start;                /* 3*nodes: where gravity's energy is zero; NULL: left out */
-    double *stress;               /* 3*triangles: what the geometric stiffness is built from; NULL with A */
+    struct dr_contact *contact;          /* NULL: left out */
+    struct dr_friction *friction;        /* NULL: left out */
+    struct dr_self *self;                /* NULL: left out */
+    struct dr_bend_stiffness *stiffness; /* that the matrix is made with; NULL: none */
+    struct dr_matrix *A;                 /* NULL: an explicit integrator needs none */
+    double gravity[3];                   /* zero: left out */
+    double *start;                       /* 3*nodes: where gravity's energy is zero; NULL: left out */
+    double *stress; /* 3*triangles: what the geometric stiffness is built from; NULL with A */
 };
 
 /* `start`: 3*nodes, copied. What the plan points to must outlive the cloth. */
@@ -36,8 +39,16 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
 
 /* A = base (see dr_matrix_set_base) + the Hessian at x, with the geometric stiffness of cloth->stress:
  * its tensile part and `indefinite` times its compressive part and the bodies' curvature. 0: positive
- * semi-definite; 1, with the stress at x: the true Hessian (see dr_stretch_hessian, dr_contact_hessian). */
-void dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite);
+ * semi-definite; 1, with the stress at x: the true Hessian (see dr_stretch_hessian, dr_contact_hessian,
+ * dr_self_hessian). New contacts of cloth with itself change the pattern, which is then analysed anew. */
+drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
+                               drape_error *reterr);
+
+/* Friction, of the cloth with bodies and with itself: whether there is any; its anchors taken afresh at x,
+ * from where on the potential is another one; and the part of the energy at x that it holds, J. */
+bool dr_cloth_has_anchors(const struct dr_cloth *cloth);
+void dr_cloth_renew_anchors(struct dr_cloth *cloth, const double *x);
+double dr_cloth_held(const struct dr_cloth *cloth, const double *x);
 
 /* max over free nodes of |f_i|, N; NaN if any is. */
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f);

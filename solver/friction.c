@@ -23,22 +23,22 @@ struct dr_friction {
 
 /* ---- made and freed -------------------------------------------------------------------------- */
 
-/* The mean, by rest area, over the fabrics that meet in each node. */
-static void mean_coefficients(struct dr_friction *friction, const struct dr_mesh *mesh,
-                              const drape_material *material)
+void dr_friction_coefficients(const struct dr_mesh *mesh, const drape_material *material, double *own,
+                              double *rest, double *area)
 {
-    double *area = friction->grip; /* free until the first update */
+    for (size_t v = 0; v < mesh->nodes; v++)
+        own[v] = rest[v] = area[v] = 0;
     for (size_t t = 0; t < mesh->triangles; t++)
         for (int k = 0; k < 3; k++) {
             size_t v = mesh->triangle[3 * t + (size_t)k];
             double mu = material[mesh->material[t]].friction;
             area[v] += mesh->area[t];
-            friction->own[v] += mesh->area[t] * mu;
-            friction->rest[v] += mu > 0 ? 0 : mesh->area[t];
+            own[v] += mesh->area[t] * mu;
+            rest[v] += mu > 0 ? 0 : mesh->area[t];
         }
     for (size_t v = 0; v < mesh->nodes; v++) {
-        friction->own[v] /= area[v];
-        friction->rest[v] /= area[v];
+        own[v] /= area[v];
+        rest[v] /= area[v];
     }
 }
 
@@ -60,7 +60,8 @@ drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_m
         dr_friction_free(friction);
         return dr_out_of_memory(reterr);
     }
-    mean_coefficients(friction, mesh, material);
+    dr_friction_coefficients(mesh, material, friction->own, friction->rest, friction->grip); /* free until the
+                                                                                 first update */
     *ret = friction;
     return DRAPE_OK;
 }
@@ -129,8 +130,7 @@ void dr_friction_update(struct dr_friction *friction, const double *x)
 
 /* ---- the potential --------------------------------------------------------------------------- */
 
-/* E, E'/l and E'' of one anchor. */
-static void respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent)
+void dr_friction_respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent)
 {
     const double s = DR_FRICTION_SLIP;
     bool sticks = l < s;
@@ -147,7 +147,7 @@ double dr_friction_energy(const struct dr_friction *friction, const double *x, d
         double u[3], energy, secant, unused;
         if (!(anchor->limit > 0))
             continue;
-        respond(anchor->limit, slip(anchor, x + 3 * i, u), &energy, &secant, &unused);
+        dr_friction_respond(anchor->limit, slip(anchor, x + 3 * i, u), &energy, &secant, &unused);
         sum += energy;
         for (int d = 0; g && d < 3; d++)
             g[3 * i + (size_t)d] += secant * u[d];
@@ -165,7 +165,7 @@ void dr_friction_hessian(const struct dr_friction *friction, const double *x, do
         if (!(anchor->limit > 0))
             continue;
         double l = slip(anchor, x + 3 * i, u);
-        respond(anchor->limit, l, &unused, &secant, &tangent);
+        dr_friction_respond(anchor->limit, l, &unused, &secant, &tangent);
         double along = l > 0 ? exact * (tangent - secant) / (l * l) : 0;
         for (int r = 0, entry = 0; r < 3; r++)
             for (int c = 0; c <= r; c++)

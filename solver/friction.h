@@ -20,6 +20,14 @@
 
 struct dr_friction;
 
+/* E, E'/l and E'' of the potential above. */
+void dr_friction_respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent);
+
+/* The coefficient of node v against something of mu is own[v] + rest[v] mu (nodes each): the mean, by rest
+ * area, over the fabrics that meet there. `area`, nodes, is scratch. */
+void dr_friction_coefficients(const struct dr_mesh *mesh, const drape_material *material, double *own,
+                              double *rest, double *area);
+
 /* No node is anchored before the first update. The contact must outlive it; `material`, as many as the mesh
  * names, need not. */
 drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_mesh *mesh,

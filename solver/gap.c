@@ -2,35 +2,36 @@
 #include "gap.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "error.h"
 
 struct gap {
-    uint32_t node[3]; /* a centroid's corners; a node's own number thrice */
-    double n[3];      /* gradient of the distance */
+    unsigned corners; /* how many nodes move it: a body's sample by 3, a pair of the cloth's own parts by 4 */
+    uint32_t node[4];
+    double weight[4]; /* of their moves along n */
+    double n[3];      /* gradient of the distance, that is, in the weighted move */
     double depth, offset, stiffness;
     struct dr_penalty first; /* without a step */
     double change;           /* of the curvature by the present step, N/m */
 };
 
 struct dr_gaps {
-    const struct dr_contact *contact;
+    const struct dr_contact *contact; /* NULL: no bodies */
+    struct dr_self *self;             /* NULL: the cloth's own parts are left out */
     struct gap *gap;
     size_t count, room;
+    bool out_of_memory;
 };
 
-drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_gaps **ret, drape_error *reterr)
+drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
+                         drape_error *reterr)
 {
     struct dr_gaps *gaps = calloc(1, sizeof *gaps);
-    if (gaps) {
-        gaps->contact = contact;
-        gaps->room = dr_contact_samples(contact);
-        gaps->gap = malloc(gaps->room * sizeof *gaps->gap);
-    }
-    if (!gaps || !gaps->gap) {
-        dr_gaps_free(gaps);
+    if (!gaps)
         return dr_out_of_memory(reterr);
-    }
+    gaps->contact = contact;
+    gaps->self = self;
     *ret = gaps;
     return DRAPE_OK;
 }
@@ -49,40 +50,81 @@ size_t dr_gaps_bytes(const struct dr_gaps *gaps)
     return sizeof *gaps + gaps->room * sizeof *gaps->gap;
 }
 
+/* Room for one more; NULL: none. */
+static struct gap *append(struct dr_gaps *gaps)
+{
+    if (gaps->count == gaps->room) {
+        size_t room = gaps->room ? 2 * gaps->room : 1024;
+        struct gap *gap = realloc(gaps->gap, room * sizeof *gap);
+        if (!gap) {
+            gaps->out_of_memory = true;
+            return NULL;
+        }
+        gaps->gap = gap;
+        gaps->room = room;
+    }
+    return gaps->gap + gaps->count++;
+}
+
 static void take(const struct dr_sample *sample, void *data)
 {
-    struct dr_gaps *gaps = data;
-    struct gap *gap = gaps->gap + gaps->count++;
-    *gap = (struct gap){
-        .depth = sample->offset - sample->phi, .offset = sample->offset, .stiffness = sample->stiffness};
+    struct gap *gap = append(data);
+    if (!gap)
+        return;
+    *gap = (struct gap){.corners = 3,
+                        .depth = sample->offset - sample->phi,
+                        .offset = sample->offset,
+                        .stiffness = sample->stiffness};
     for (int k = 0; k < 3; k++) {
         gap->node[k] = sample->node[k];
+        gap->weight[k] = 1.0 / 3;
         gap->n[k] = sample->n[k];
     }
     gap->first = dr_penalty(gap->stiffness, gap->offset, gap->depth);
 }
 
-void dr_gaps_take(struct dr_gaps *gaps, const double *x)
+static void take_self(const struct dr_self_gap *from, void *data)
 {
-    gaps->count = 0;
-    dr_contact_each(gaps->contact, x, take, gaps);
+    struct gap *gap = append(data);
+    if (!gap)
+        return;
+    *gap = (struct gap){.corners = 4,
+                        .depth = from->offset - from->distance,
+                        .offset = from->offset,
+                        .stiffness = from->stiffness};
+    memcpy(gap->node, from->node, sizeof gap->node);
+    memcpy(gap->weight, from->weight, sizeof gap->weight);
+    memcpy(gap->n, from->n, sizeof gap->n);
+    gap->first = dr_penalty(gap->stiffness, gap->offset, gap->depth);
 }
 
-/* n.w at the sample, which moves with the mean of its three nodes. */
+drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, drape_error *reterr)
+{
+    gaps->count = 0;
+    gaps->out_of_memory = false;
+    if (gaps->contact)
+        dr_contact_each(gaps->contact, x, take, gaps);
+    if (gaps->self)
+        dr_self_each(gaps->self, x, take_self, gaps);
+    return gaps->out_of_memory ? dr_out_of_memory(reterr) : DRAPE_OK;
+}
+
+/* n times the weighted move. */
 static double along(const struct gap *gap, const double *w)
 {
     double sum = 0;
-    for (int k = 0; k < 3; k++)
-        for (int d = 0; d < 3; d++)
-            sum += gap->n[d] * w[3 * (size_t)gap->node[k] + (size_t)d];
-    return sum / 3;
+    for (unsigned k = 0; k < gap->corners; k++) {
+        const double *move = w + 3 * (size_t)gap->node[k];
+        sum += gap->weight[k] * (gap->n[0] * move[0] + gap->n[1] * move[1] + gap->n[2] * move[2]);
+    }
+    return sum;
 }
 
 static void push(const struct gap *gap, double force, double *y)
 {
-    for (int k = 0; k < 3; k++)
-        for (int d = 0; d < 3; d++)
-            y[3 * (size_t)gap->node[k] + (size_t)d] += force * gap->n[d] / 3;
+    for (unsigned k = 0; k < gap->corners; k++)
+        for (size_t d = 0; d < 3; d++)
+            y[3 * (size_t)gap->node[k] + d] += force * gap->weight[k] * gap->n[d];
 }
 
 double dr_gaps_surplus(struct dr_gaps *gaps, const double *w, double *g)

@@ -12,16 +12,19 @@
 #define DR_GAP_H
 
 #include "contact.h"
+#include "self.h"
 
 struct dr_gaps;
 
-/* For as many samples and bodies as the contact has, which must outlive it. */
-drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_gaps **ret, drape_error *reterr);
+/* Of cloth with bodies and with itself; both must outlive it, and one may be NULL. */
+drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
+                         drape_error *reterr);
 struct dr_gaps *dr_gaps_free(struct dr_gaps *gaps); /* NULL is fine; returns NULL */
 size_t dr_gaps_bytes(const struct dr_gaps *gaps);
 
-/* Linearises every gap within DR_BODY_REACH at x (3*nodes). */
-void dr_gaps_take(struct dr_gaps *gaps, const double *x);
+/* Linearises at x (3*nodes) every gap to a body within DR_BODY_REACH, and those within the cloth that
+ * dr_self_each knows. */
+drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, drape_error *reterr);
 
 /* X at the step w (3*nodes), J; adds its gradient to g. Later products are with the Hessian there. */
 double dr_gaps_surplus(struct dr_gaps *gaps, const double *w, double *g);

@@ -40,11 +40,10 @@ struct dr_matrix {
     struct slot *link;     /* links: their off-diagonal block */
     uint32_t *link_node;   /* 2*links */
     size_t links;
-    double *base;       /* values of M/dt^2 + bending */
-    double mass_factor; /* that base was made for; NAN: none yet */
-    size_t bends;
-    struct slot *bend_slot; /* bends: block of each entry of the bending stiffness */
-    double *bend_value;
+    double *base;                         /* values of M/dt^2 + bending */
+    double mass_factor;                   /* that base was made for; NAN: none yet */
+    const struct dr_bend_stiffness *bend; /* NULL: none */
+    struct slot *bend_slot;               /* block of each of its entries */
     cholmod_common common;
     enum dr_factor factor;
     double flops; /* of one factorisation */
@@ -213,21 +212,25 @@ static struct slot find_slot(const struct dr_matrix *A, uint32_t node_row, uint3
     return (struct slot){p[3 * (size_t)column] + 3 * (int)(low - first), length | transposed};
 }
 
-static bool build_slots(struct dr_matrix *A, const struct dr_bend_stiffness *bend, const uint32_t *link,
-                        size_t links)
+static size_t count_bends(const struct dr_matrix *A)
+{
+    return A->bend ? A->bend->start[A->bend->nodes] : 0;
+}
+
+static bool build_slots(struct dr_matrix *A, const uint32_t *link, size_t links)
 {
     const struct dr_mesh *mesh = A->mesh;
-    A->bends = bend ? bend->start[bend->nodes] : 0;
+    const struct dr_bend_stiffness *bend = A->bend;
+    size_t bends = count_bends(A);
     A->links = links;
     A->diagonal = malloc(A->free * sizeof *A->diagonal);
     A->triangle = malloc(6 * mesh->triangles * sizeof *A->triangle);
     A->base = malloc(A->A->nzmax * sizeof *A->base);
     A->link = links ? malloc(links * sizeof *A->link) : NULL;
     A->link_node = links ? malloc(2 * links * sizeof *A->link_node) : NULL;
-    A->bend_slot = A->bends ? malloc(A->bends * sizeof *A->bend_slot) : NULL;
-    A->bend_value = A->bends ? malloc(A->bends * sizeof *A->bend_value) : NULL;
+    A->bend_slot = bends ? malloc(bends * sizeof *A->bend_slot) : NULL;
     if (!A->diagonal || !A->triangle || !A->base || (links && (!A->link || !A->link_node)) ||
-        (A->bends && (!A->bend_slot || !A->bend_value)))
+        (bends && !A->bend_slot))
         return false;
 
     for (size_t j = 0; j < A->free; j++)
@@ -244,11 +247,9 @@ static bool build_slots(struct dr_matrix *A, const struct dr_bend_stiffness *ben
         A->link_node[2 * i] = link[2 * i];
         A->link_node[2 * i + 1] = link[2 * i + 1];
     }
-    for (uint32_t j = 0; A->bends && j < mesh->nodes; j++)
-        for (size_t i = bend->start[j]; i < bend->start[j + 1]; i++) {
+    for (uint32_t j = 0; bends && j < mesh->nodes; j++)
+        for (size_t i = bend->start[j]; i < bend->start[j + 1]; i++)
             A->bend_slot[i] = find_slot(A, bend->row[i], j);
-            A->bend_value[i] = bend->value[i];
-        }
     return true;
 }
 
@@ -268,12 +269,60 @@ static bool analyse(struct dr_matrix *A)
     return A->w && A->e;
 }
 
+/* Numbers the free nodes, lays out the columns and has CHOLMOD analyse them. */
+static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr)
+{
+    struct pairs pairs = {NULL, 0};
+    A->mass_factor = NAN;
+    A->free = 0;
+    A->row = malloc(A->mesh->nodes * sizeof *A->row);
+    A->node = malloc(A->mesh->nodes * sizeof *A->node);
+    if (!A->row || !A->node)
+        return dr_out_of_memory(reterr);
+    for (size_t i = 0; i < A->mesh->nodes; i++) {
+        A->row[i] = A->mesh->held[i] ? DR_NONE : (uint32_t)A->free;
+        if (!A->mesh->held[i])
+            A->node[A->free++] = (uint32_t)i;
+    }
+    if (!A->free)
+        return DRAPE_OK;
+    if (!collect_pairs(A->mesh, A->bend, link, links, A->row, &pairs))
+        return dr_out_of_memory(reterr);
+    if (pairs.count > (size_t)INT_MAX / 9) {
+        free(pairs.key);
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_NOWHERE, -1,
+                       "the step matrix needs more than 2^31 entries: too many vertices");
+    }
+    bool ordered = order_nodes(A, &pairs);
+    free(pairs.key);
+    pairs.key = NULL;
+    bool built = ordered && collect_pairs(A->mesh, A->bend, link, links, A->row, &pairs) &&
+                 build_columns(A, &pairs) && build_slots(A, link, links) && analyse(A);
+    free(pairs.key);
+    return built ? DRAPE_OK : dr_out_of_memory(reterr);
+}
+
+/* Frees what build made. */
+static void raze(struct dr_matrix *A)
+{
+    cholmod_free_sparse(&A->A, &A->common);
+    cholmod_free_factor(&A->L, &A->common);
+    cholmod_free_dense(&A->w, &A->common);
+    cholmod_free_dense(&A->e, &A->common);
+    void *array[] = {A->row,      A->node, A->block_start, A->block_row, A->diagonal,
+                     A->triangle, A->link, A->link_node,   A->base,      A->bend_slot};
+    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
+        free(array[i]);
+    A->row = A->node = A->block_row = A->link_node = NULL;
+    A->block_start = NULL;
+    A->diagonal = A->triangle = A->link = A->bend_slot = NULL;
+    A->base = NULL;
+}
+
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
                            const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
                            drape_error *reterr)
 {
-    struct pairs pairs = {NULL, 0};
-    drape_status status = DRAPE_ENOMEM;
     struct dr_matrix *A = calloc(1, sizeof *A);
     if (!A)
         return dr_out_of_memory(reterr);
@@ -281,65 +330,31 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     A->common.print = 0;
     A->common.quick_return_if_not_posdef = true;
     A->mesh = mesh;
+    A->bend = bend;
     A->factor = factor;
-    A->mass_factor = NAN;
-    A->row = malloc(mesh->nodes * sizeof *A->row);
-    A->node = malloc(mesh->nodes * sizeof *A->node);
-    if (!A->row || !A->node)
-        goto cleanup;
-    for (size_t i = 0; i < mesh->nodes; i++) {
-        A->row[i] = mesh->held[i] ? DR_NONE : (uint32_t)A->free;
-        if (!mesh->held[i])
-            A->node[A->free++] = (uint32_t)i;
-    }
-    if (A->free) {
-        if (!collect_pairs(mesh, bend, link, links, A->row, &pairs))
-            goto cleanup;
-        if (pairs.count > (size_t)INT_MAX / 9) {
-            status = DRAPE_EINVAL;
-            goto cleanup;
-        }
-        bool ordered = order_nodes(A, &pairs);
-        free(pairs.key);
-        pairs.key = NULL;
-        if (!ordered || !collect_pairs(mesh, bend, link, links, A->row, &pairs) ||
-            !build_columns(A, &pairs) || !build_slots(A, bend, link, links) || !analyse(A))
-            goto cleanup;
-    }
-    status = DRAPE_OK;
-    *ret = A;
-    A = NULL;
-
-cleanup:
-    free(pairs.key);
-    dr_matrix_free(A);
-    if (status == DRAPE_EINVAL)
-        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_NOWHERE, -1,
-                       "the step matrix needs more than 2^31 entries: too many vertices");
+    drape_status status = build(A, link, links, reterr);
     if (status < 0)
-        return dr_out_of_memory(reterr);
+        dr_matrix_free(A);
+    else
+        *ret = A;
+    return status;
+}
+
+drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr)
+{
+    double mass_factor = A->mass_factor;
+    raze(A);
+    drape_status status = build(A, link, links, reterr);
+    if (status >= 0 && !isnan(mass_factor))
+        dr_matrix_set_base(A, mass_factor);
     return status;
 }
 
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A)
 {
     if (A) {
-        cholmod_free_sparse(&A->A, &A->common);
-        cholmod_free_factor(&A->L, &A->common);
-        cholmod_free_dense(&A->w, &A->common);
-        cholmod_free_dense(&A->e, &A->common);
+        raze(A);
         cholmod_finish(&A->common);
-        free(A->row);
-        free(A->node);
-        free(A->block_start);
-        free(A->block_row);
-        free(A->diagonal);
-        free(A->triangle);
-        free(A->link);
-        free(A->link_node);
-        free(A->base);
-        free(A->bend_slot);
-        free(A->bend_value);
         free(A);
     }
     return NULL;
@@ -351,7 +366,7 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
     size_t own = sizeof *A + 2 * A->mesh->nodes * sizeof *A->row + (A->free + 1) * sizeof *A->block_start +
                  blocks * sizeof *A->block_row + (A->free + 6 * A->mesh->triangles) * sizeof(struct slot) +
                  A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) + entries * sizeof *A->base +
-                 A->bends * (sizeof(struct slot) + sizeof *A->bend_value);
+                 count_bends(A) * sizeof(struct slot);
     return own + A->common.memory_usage;
 }
 
@@ -429,8 +444,8 @@ void dr_matrix_set_base(struct dr_matrix *A, double mass_factor)
     memset(A->base, 0, A->A->nzmax * sizeof *A->base);
     for (size_t j = 0; j < A->free; j++)
         add_scalar(A->base, A->diagonal[j], A->mesh->mass[A->node[j]] * mass_factor);
-    for (size_t i = 0; i < A->bends; i++)
-        add_scalar(A->base, A->bend_slot[i], A->bend_value[i]);
+    for (size_t i = 0; i < count_bends(A); i++)
+        add_scalar(A->base, A->bend_slot[i], A->bend->value[i]);
 }
 
 void dr_matrix_reset(struct dr_matrix *A)
@@ -458,6 +473,26 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
         const double *d0 = &H[3 * a][3 * a], *d1 = d0 + 9, *d2 = d1 + 9;
         add_diagonal(value, *slot++, d0[0], d1[0], d1[1], d2[0], d2[1], d2[2]);
     }
+}
+
+bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b)
+{
+    uint32_t row = A->row[a], column = A->row[b];
+    if (row == DR_NONE || column == DR_NONE)
+        return true;
+    struct slot slot = find_slot(A, a, b);
+    int first = ((const int *)A->A->p)[3 * (size_t)(row < column ? row : column)];
+    size_t block = A->block_start[row < column ? row : column] + (size_t)(slot.at - first) / 3;
+    return A->block_row[block] == (row < column ? column : row);
+}
+
+void dr_matrix_add_pair(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
+{
+    double block[3][9];
+    for (int r = 0; r < 3; r++)
+        memcpy(block[r], H[r], sizeof H[r]);
+    if (A->free)
+        add_block(A->A->x, find_slot(A, a, b), block[0]);
 }
 
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)

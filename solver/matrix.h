@@ -19,11 +19,15 @@ enum dr_factor {
 };
 
 /* Pattern: the mesh's triangles, the bending stiffness (NULL: none) and `links` extra pairs of nodes
- * (2*links, NULL if 0). Everything is copied except the mesh, which must outlive the matrix.
+ * (2*links, NULL if 0), which are copied; mesh and bending stiffness must outlive the matrix.
  * DRAPE_EINVAL when it needs more entries than a 32-bit index counts. */
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
                            const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
                            drape_error *reterr);
+
+/* The same with other links, zero but for the base; there is no factor until the next factorisation. After a
+ * failure nothing may be done with it but to free it. */
+drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr);
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
@@ -45,6 +49,12 @@ void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6]);
 /* H is a symmetric 9x9 block of triangle t of the matrix's mesh, corners in mesh order, row-major;
  * only its lower triangle is read. */
 void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9]);
+
+/* Whether the pattern has a place for the block of nodes a != b, or needs none since one of them is held. */
+bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b);
+
+/* H is the block of rows a, columns b of a symmetric matrix, a != b; the pattern has its place. */
+void dr_matrix_add_pair(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3]);
 
 /* Adds stiffness (1 -1; -1 1) (x) I3 between the two nodes of link i. */
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness);

@@ -260,11 +260,13 @@ static drape_status touch(struct dr_state *s, drape_error *reterr)
     size_t count = 3 * s->cloth->mesh->nodes;
     if (!s->corrected)
         memset(s->extra[RESIDUAL], 0, count * sizeof(double));
-    dr_gaps_take(s->gaps, s->x);
+    drape_status status = dr_gaps_take(s->gaps, s->x, reterr);
+    if (status < 0)
+        return status;
     for (int round = 0; round < MOST_ROUNDS; round++) {
         look_at_gaps(s);
-        drape_status status = dr_state_solve(s, 1, (const double *[]){s->extra[TOUCHING]},
-                                             (double *[]){s->extra[DIRECTION]}, reterr);
+        status = dr_state_solve(s, 1, (const double *[]){s->extra[TOUCHING]},
+                                (double *[]){s->extra[DIRECTION]}, reterr);
         if (status < 0)
             return status;
         s->solves++;
@@ -290,7 +292,12 @@ static void shorten(struct dr_state *s)
     dr_stretch_second_order(s->cloth->stretch, s->x, s->w, &strain);
     double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest));
     s->shortened = scale < 1;
-    if (!s->shortened)
+    if (s->cloth->self) {
+        for (size_t i = 0; i < count; i++)
+            s->x_next[i] = scale * s->w[i]; /* free until the move */
+        scale *= dr_self_allows(s->cloth->self, s->x, s->x_next);
+    }
+    if (scale == 1)
         return;
     for (size_t i = 0; i < count; i++) {
         s->w[i] *= scale;
@@ -412,8 +419,9 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
 
     if (!improved(s, size))
         return bite(s, reterr);
-    if (s->gaps)
-        dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+    if (s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH) &&
+        s->cloth->self)
+        dr_self_clip(s->cloth->self, s->x, s->w);
     for (size_t i = 0; i < count; i++)
         s->x_next[i] = s->x[i] + s->w[i];
     double false_stretch = dr_stretch_second_order(s->cloth->stretch, s->x, s->w, &s->strain);

@@ -14,6 +14,19 @@ static void decide(struct dr_plan *plan, enum dr_term term, const char *name, bo
 
 /* ---- the method --------------------------------------------------------------------------------- */
 
+/* Why cloth is not kept off itself; NULL: it is. By itself that is asked for where layers can be expected to
+ * meet: sewn garments, several pieces, cloth that bodies push. */
+static const char *reason_without_self(const drape_scene *scene, const drape_options *options)
+{
+    if (scene->self_contact == DRAPE_SELF_CONTACT_OFF)
+        return "switched off";
+    if (options->method == DRAPE_METHOD_NEWTON)
+        return "auto: plain Newton takes its steps whole";
+    if (scene->self_contact == DRAPE_SELF_CONTACT_ON)
+        return NULL;
+    return scene->seams || scene->bodies || scene->parts > 1 ? NULL : "auto: one piece, no seams, no body";
+}
+
 static const struct dr_method *method_of(const drape_scene *scene, const drape_options *options)
 {
     static const struct dr_method *const stepper[] = {
@@ -24,7 +37,7 @@ static const struct dr_method *method_of(const drape_scene *scene, const drape_o
     };
     switch (options->method) {
     case DRAPE_METHOD_AUTO:
-        return scene->bodies ? &dr_mixed_touching : &dr_mixed;
+        return scene->bodies || !reason_without_self(scene, options) ? &dr_mixed_touching : &dr_mixed;
     case DRAPE_METHOD_QUASI_STATIC:
         return &dr_quasi_static;
     case DRAPE_METHOD_NEWTON:
@@ -55,12 +68,12 @@ static const char *reason_not_to_sew(const drape_scene *scene)
     return scene->pieces ? "only the start is evaluated" : "the seams start closed";
 }
 
-static bool has_friction(const drape_scene *scene)
+static bool has_friction(const drape_scene *scene, bool self)
 {
     double most = 0;
     for (size_t b = 0; b < scene->bodies; b++)
         most = fmax(most, dr_body_friction(scene->body[b]));
-    for (size_t m = 0; scene->bodies && m < scene->materials; m++)
+    for (size_t m = 0; (scene->bodies || self) && m < scene->materials; m++)
         most = fmax(most, scene->material[m].friction);
     return most > 0;
 }
@@ -85,8 +98,9 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
     decide(plan, DR_TERM_GRAVITY, "gravity", cloth->gravity, 0, "gravity is zero");
     decide(plan, DR_TERM_CONTACT, "contact", cloth->contact, body_bytes, "no body in the scene");
     decide(plan, DR_TERM_FRICTION, "friction", cloth->friction, 0,
-           scene->bodies ? "neither bodies nor fabrics have any" : "no body in the scene");
-    decide(plan, DR_TERM_SELF_CONTACT, "self-contact", false, 0, "not in this version");
+           scene->bodies || cloth->self ? "neither bodies nor fabrics have any"
+                                        : "no body in the scene, no self-contact");
+    decide(plan, DR_TERM_SELF_CONTACT, "self-contact", cloth->self, 0, reason_without_self(scene, options));
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
     decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
@@ -107,6 +121,7 @@ void dr_plan_compile(struct drape_sim *sim)
     const drape_scene *scene = sim->scene;
     const double *g = scene->gravity;
     struct dr_plan *plan = &sim->plan;
+    bool self = !reason_without_self(scene, &sim->options);
     name_method(&sim->options, &sim->report);
     plan->method = method_of(scene, &sim->options);
     plan->welded = (struct dr_cloth_plan){
@@ -115,7 +130,8 @@ void dr_plan_compile(struct drape_sim *sim)
         .bend = scene->bend,
         .gravity = g[0] != 0 || g[1] != 0 || g[2] != 0,
         .contact = scene->bodies > 0,
-        .friction = has_friction(scene),
+        .friction = has_friction(scene, self),
+        .self = self,
         .matrix = plan->method->matrix,
     };
     if (scene->pieces && sim->options.max_iterations)

@@ -36,11 +36,11 @@ enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
 
 /* The mechanics of one mesh. */
 struct dr_cloth_plan {
-    const drape_scene *scene;        /* whose fabrics, gravity and bodies they are */
-    const struct dr_mesh *mesh;      /* NULL: there is no such mesh */
-    const struct dr_bend *bend;      /* NULL: left out */
-    bool gravity, contact, friction; /* false: left out */
-    const uint32_t *link;            /* 2*links: node pairs that springs will join; NULL: none */
+    const drape_scene *scene;              /* whose fabrics, gravity and bodies they are */
+    const struct dr_mesh *mesh;            /* NULL: there is no such mesh */
+    const struct dr_bend *bend;            /* NULL: left out */
+    bool gravity, contact, friction, self; /* false: left out */
+    const uint32_t *link;                  /* 2*links: node pairs that springs will join; NULL: none */
     size_t links;
     enum dr_cloth_matrix matrix; /* and its factor */
 };

@@ -46,9 +46,11 @@ drape_status dr_state_factorise(struct dr_state *s, double compression, bool *re
     struct drape_sim *sim = s->sim;
     enum dr_factored factored;
     double began = dr_clock();
-    dr_cloth_assemble(s->cloth, s->x, compression);
+    drape_status status = dr_cloth_assemble(s->cloth, s->x, compression, reterr);
+    if (status < 0)
+        return status;
     double assembled = dr_clock();
-    drape_status status = dr_sim_factorise(sim, s->cloth->A, &factored, reterr);
+    status = dr_sim_factorise(sim, s->cloth->A, &factored, reterr);
     s->row.factorizations += factored != DR_NO_TIME;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
@@ -84,7 +86,7 @@ double dr_state_dot(const struct dr_state *s, const double *a, const double *b)
 void dr_state_limit(struct dr_state *s)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
-    if (!s->cloth->contact)
+    if (!s->cloth->contact && !s->cloth->self)
         return;
     for (size_t i = 0; i < mesh->nodes; i++) {
         double *move = s->w + 3 * i;
@@ -93,7 +95,10 @@ void dr_state_limit(struct dr_state *s)
             for (int d = 0; d < 3; d++)
                 move[d] *= LONGEST_MOVE / length;
     }
-    dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+    if (s->cloth->contact)
+        dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+    if (s->cloth->self)
+        dr_self_clip(s->cloth->self, s->x, s->w);
 }
 
 double dr_state_kinetic(const struct dr_state *s)
@@ -187,10 +192,8 @@ static bool at_rest(const struct dr_state *s)
 static bool above_start(const struct dr_state *s)
 {
     const drape_energies *e = &s->row.energy;
-    const struct dr_friction *friction = s->cloth->friction;
     double size = e->stretch + e->bend + e->contact + fabs(e->gravity);
-    double held = friction ? dr_friction_energy(friction, s->x, NULL) : 0;
-    return e->potential - held > s->sim->row[0].energy.potential + 1e-9 * size;
+    return e->potential - dr_cloth_held(s->cloth, s->x) > s->sim->row[0].energy.potential + 1e-9 * size;
 }
 
 /* False without gravity. */
@@ -259,7 +262,7 @@ static __attribute__((noinline)) void record(struct dr_state *s)
  * anchors stay. */
 static void keep_best(struct dr_state *s)
 {
-    bool first = !s->row.iteration || (s->cloth->friction && s->anchored == s->row.iteration);
+    bool first = !s->row.iteration || (dr_cloth_has_anchors(s->cloth) && s->anchored == s->row.iteration);
     if (!first && !(s->row.energy.potential < s->best_row.energy.potential))
         return;
     memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
@@ -332,6 +335,15 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
         verdict = DRAPE_VERDICT_INTERSECTING;
         reason = "a node ended deeper than 1 mm inside a body";
     }
+    if (s->cloth->self) {
+        double at[3];
+        report->self_intersections = (uint32_t)dr_self_crossings(s->cloth->self, s->x, at);
+        if (report->self_intersections && verdict != DRAPE_VERDICT_INTERSECTING) {
+            verdict = DRAPE_VERDICT_INTERSECTING;
+            reason = "the cloth passes through itself";
+            memcpy(report->intersection, at, sizeof at);
+        }
+    }
     report->verdict = verdict;
     report->reason = reason;
     for (size_t i = 0; report->certificate.certified && i < s->sim->rows; i++) {
@@ -375,10 +387,10 @@ static void renew_anchors(struct dr_state *s)
     bool due = s->row.stop || s->row.iteration < EPOCH ||
                s->row.iteration - s->anchored >= (s->v ? EPOCH : SHORT_EPOCH) ||
                s->row.residual_force <= s->sim->options.tolerance;
-    if (!s->cloth->friction || !due)
+    if (!due || !dr_cloth_has_anchors(s->cloth))
         return;
     double kinetic = s->row.energy.kinetic;
-    dr_friction_update(s->cloth->friction, s->x);
+    dr_cloth_renew_anchors(s->cloth, s->x);
     dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
     s->row.energy.kinetic = kinetic;
     s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
@@ -388,6 +400,8 @@ static void renew_anchors(struct dr_state *s)
 static drape_status iterate(struct dr_state *s, drape_error *reterr)
 {
     for (;;) {
+        if (s->cloth->self && dr_self_error(s->cloth->self, reterr) < 0)
+            return DRAPE_ENOMEM;
         s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
         if (!isfinite(s->row.residual_force) || !isfinite(s->row.energy.potential + s->row.energy.kinetic)) {
             if (!s->row.iteration)
@@ -447,7 +461,7 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
     if (status >= 0)
         status = dr_cloth_new(&sim->plan.welded, x, &s.cloth, reterr);
     if (status >= 0 && s.method->gaps)
-        status = dr_gaps_new(s.cloth->contact, &s.gaps, reterr);
+        status = dr_gaps_new(s.cloth->contact, s.cloth->self, &s.gaps, reterr);
     if (status >= 0) {
         s.weight = dr_cloth_mean_weight(s.cloth);
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);

@@ -11,7 +11,7 @@
 
 /* Bending rigidity of the pieces while they are being sewn (N m): soft pieces fold in and invert
  * along a seam, stiff ones close cleanly. */
-#define DR_SEWING_RIGIDITY 1e-3
+#define DR_SEWING_RIGIDITY 1e-2
 
 struct drape_scene {
     size_t vertices;

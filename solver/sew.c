@@ -78,10 +78,12 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
             return DRAPE_OK;
 
         enum dr_factored factored;
-        dr_cloth_assemble(cloth, x, 0);
+        drape_status status = dr_cloth_assemble(cloth, x, 0, reterr);
+        if (status < 0)
+            return status;
         for (size_t s = 0; s < scene->seams; s++)
             dr_matrix_add_link(cloth->A, s, spring);
-        drape_status status = dr_sim_factorise(sim, cloth->A, &factored, reterr);
+        status = dr_sim_factorise(sim, cloth->A, &factored, reterr);
         if (status < 0 || factored == DR_NO_TIME)
             return status;
         if (factored == DR_NOT_DEFINITE)
