@@ -8,11 +8,13 @@
 
 struct arguments {
     struct cli *cli;
-    const char *job, *result, *output;
+    const char *job, *result, *output, *map;
 };
 
 static const struct argp_option options[] = {
     {"output", 'o', "PNG", 0, "Where the picture goes", 0},
+    {"colour", 'c', "MAP", 0,
+     "What the colours show: strain, pressure, gap or none (strain, where RESULT has it)", 0},
     {0},
 };
 
@@ -25,6 +27,12 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case 'o':
         arguments->output = argument;
+        return 0;
+    case 'c':
+        if (!picture_map_find(argument)) {
+            argp_error(state, "there is no map \"%s\"", argument);
+        }
+        arguments->map = argument;
         return 0;
     case ARGP_KEY_ARG:
         if (arguments->result) {
@@ -52,7 +60,9 @@ static const struct argp argp = {
     .children = cli_children,
     .doc = "Draws front, side and back of a drape beside each other, at one scale.\v"
            "JOB gives the bodies, RESULT (JSON or GLB, as `drape result` fetches them) the cloth; without "
-           "RESULT the cloth is shown as it starts.",
+           "RESULT the cloth is shown as it starts. A GLB of a job with \"fit\": true is drawn in colours "
+           "from dark "
+           "to light, and the values at their ends are printed.",
 };
 
 static int load(const struct arguments *arguments, struct picture *picture, struct failure *failure)
@@ -73,7 +83,7 @@ static int load(const struct arguments *arguments, struct picture *picture, stru
     if (textfile_read(arguments->result, &text, &bytes, failure) < 0) {
         return -1;
     }
-    status = jobfile_set_result(arguments->result, text, bytes, picture, failure);
+    status = jobfile_set_result(arguments->result, text, bytes, arguments->map, picture, failure);
     free(text);
     return status;
 }
@@ -86,6 +96,13 @@ int command_picture(struct cli *cli, int argc, char **argv, struct failure *fail
     int status = load(&arguments, &picture, failure);
     if (status == 0) {
         status = picture_save(&picture, arguments.output, failure);
+    }
+    if (status == 0 && picture.map && !cli->quiet) {
+        double range[2];
+        picture_range(&picture, range);
+        fprintf(stderr, "colours: %s from %.3g %s (dark) to %.3g %s (light)\n", picture.map->name,
+                range[0] * picture.map->per_unit, picture.map->unit, range[1] * picture.map->per_unit,
+                picture.map->unit);
     }
     picture_done(&picture);
     return status;

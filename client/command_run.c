@@ -120,7 +120,7 @@ static int fetch_picture(struct http *http, const char *id, const struct argumen
     struct picture picture = {0};
     struct http_reply reply;
     size_t skipped = 0;
-    int status = job_fetch(http, id, "result", "json", &reply, failure);
+    int status = job_fetch(http, id, "result", "glb", &reply, failure);
     if (status == 0) {
         status = jobfile_parse(arguments->what, job_text, job_bytes, &picture, &skipped, failure);
     }
@@ -128,7 +128,7 @@ static int fetch_picture(struct http *http, const char *id, const struct argumen
         fprintf(stderr, "%zu bodies are given by reference and not shown\n", skipped);
     }
     if (status == 0) {
-        status = jobfile_set_result("the result", reply.body, reply.bytes, &picture, failure);
+        status = jobfile_set_result("the result", reply.body, reply.bytes, NULL, &picture, failure);
     }
     if (status == 0) {
         status = picture_save(&picture, arguments->picture, failure);

@@ -2,6 +2,8 @@
 #include "glbfile.h"
 
 #include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define GLB_MAGIC      0x46546C67u /* "glTF" */
@@ -64,23 +66,25 @@ static long long natural(const json_t *object, const char *key, long long fallba
     return json_is_integer(value) && json_integer_value(value) >= 0 ? json_integer_value(value) : -1;
 }
 
-static size_t element_bytes(long long type, bool vector)
+enum kind { INDEX, NUMBER, VECTOR };
+
+static size_t element_bytes(long long type, enum kind kind)
 {
     switch (type) {
     case TYPE_U8:
-        return vector ? 0 : 1;
+        return kind == INDEX ? 1 : 0;
     case TYPE_U16:
-        return vector ? 0 : 2;
+        return kind == INDEX ? 2 : 0;
     case TYPE_U32:
-        return vector ? 0 : 4;
+        return kind == INDEX ? 4 : 0;
     case TYPE_FLOAT:
-        return vector ? 12 : 0;
+        return kind == VECTOR ? 12 : kind == NUMBER ? 4 : 0;
     default:
         return 0;
     }
 }
 
-static bool open_accessor(const struct glb *glb, const json_t *index, bool vector, struct view *ret)
+static bool open_accessor(const struct glb *glb, const json_t *index, enum kind kind, struct view *ret)
 {
     if (!json_is_integer(index) || json_integer_value(index) < 0) {
         return false;
@@ -95,7 +99,7 @@ static bool open_accessor(const struct glb *glb, const json_t *index, bool vecto
     }
     const json_t *view = json_array_get(json_object_get(glb->json, "bufferViews"), (size_t)view_index);
     long long offset = natural(view, "byteOffset", 0), stride = natural(view, "byteStride", 0);
-    size_t size = element_bytes(type, vector);
+    size_t size = element_bytes(type, kind);
     if (!view || natural(view, "buffer", -1) != 0 || offset < 0 || stride < 0 || stride > 252 || size == 0) {
         return false;
     }
@@ -141,6 +145,12 @@ static bool copy_mesh(const struct view *positions, const struct view *indices, 
     return true;
 }
 
+static const json_t *first_primitive(const struct glb *glb)
+{
+    const json_t *first = json_array_get(json_object_get(glb->json, "meshes"), 0);
+    return json_array_get(json_object_get(first, "primitives"), 0);
+}
+
 int glbfile_parse(const char *path, const char *data, size_t bytes, struct surface *ret,
                   struct failure *failure)
 {
@@ -152,12 +162,11 @@ int glbfile_parse(const char *path, const char *data, size_t bytes, struct surfa
     if (!open_container((const unsigned char *)data, bytes, &glb)) {
         goto cleanup;
     }
-    const json_t *first = json_array_get(json_object_get(glb.json, "meshes"), 0);
-    const json_t *primitive = json_array_get(json_object_get(first, "primitives"), 0);
+    const json_t *primitive = first_primitive(&glb);
     if (natural(primitive, "mode", MODE_TRIANGLES) != MODE_TRIANGLES ||
-        !open_accessor(&glb, json_object_get(json_object_get(primitive, "attributes"), "POSITION"), true,
+        !open_accessor(&glb, json_object_get(json_object_get(primitive, "attributes"), "POSITION"), VECTOR,
                        &positions) ||
-        !open_accessor(&glb, json_object_get(primitive, "indices"), false, &indices) ||
+        !open_accessor(&glb, json_object_get(primitive, "indices"), INDEX, &indices) ||
         indices.count % 3 != 0) {
         goto cleanup;
     }
@@ -170,6 +179,52 @@ int glbfile_parse(const char *path, const char *data, size_t bytes, struct surfa
         goto cleanup;
     }
     *ret = mesh;
+    status = 0;
+cleanup:
+    json_decref(glb.json);
+    return status;
+}
+
+static void copy_values(const struct view *view, bool vector, double *ret)
+{
+    for (size_t i = 0; i < view->count; i++) {
+        const unsigned char *p = view->data + i * view->stride;
+        double x = float_at(p);
+        ret[i] = vector
+                     ? sqrt(x * x + float_at(p + 4) * float_at(p + 4) + float_at(p + 8) * float_at(p + 8) / 2)
+                     : x;
+    }
+}
+
+int glbfile_read_values(const char *path, const char *data, size_t bytes, const char *attribute,
+                        struct surface *mesh, struct failure *failure)
+{
+    struct glb glb = {0};
+    struct view view;
+    int status = -1;
+    failure_set(failure, EXIT_USAGE, "%s: %s cannot be shown", path, attribute);
+    if (!open_container((const unsigned char *)data, bytes, &glb)) {
+        goto cleanup;
+    }
+    const json_t *index = json_object_get(json_object_get(first_primitive(&glb), "attributes"), attribute);
+    const json_t *accessor =
+        json_array_get(json_object_get(glb.json, "accessors"), (size_t)json_integer_value(index));
+    const char *type = json_string_value(json_object_get(accessor, "type"));
+    if (!index) {
+        status = 0;
+        goto cleanup;
+    }
+    bool vector = type && strcmp(type, "VEC3") == 0;
+    if (!type || (!vector && strcmp(type, "SCALAR") != 0) ||
+        !open_accessor(&glb, index, vector ? VECTOR : NUMBER, &view) || view.count != mesh->vertices) {
+        goto cleanup;
+    }
+    mesh->value = calloc(view.count, sizeof *mesh->value);
+    if (!mesh->value) {
+        failure_no_memory(failure);
+        goto cleanup;
+    }
+    copy_values(&view, vector, mesh->value);
     status = 0;
 cleanup:
     json_decref(glb.json);

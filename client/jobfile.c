@@ -156,21 +156,51 @@ int jobfile_parse(const char *path, const char *text, size_t bytes, struct pictu
     return 0;
 }
 
-int jobfile_set_result(const char *path, const char *data, size_t bytes, struct picture *picture,
-                       struct failure *failure)
+/* The values that the map shows; see jobfile_set_result. */
+static int read_values(const char *path, const char *data, size_t bytes, const char *map,
+                       struct surface *cloth, struct failure *failure)
+{
+    const struct picture_map *shown = map ? picture_map_find(map) : picture_maps;
+    if (!shown) {
+        return failure_set(failure, EXIT_USAGE, "there is no map \"%s\"", map);
+    }
+    if (!shown->attribute) {
+        return 0;
+    }
+    if (glbfile_read_values(path, data, bytes, shown->attribute, cloth, failure) < 0) {
+        return -1;
+    }
+    if (map && !cloth->value) {
+        return failure_set(failure, EXIT_USAGE, "%s has no %s: it takes \"fit\": true in the job, and a GLB",
+                           path, map);
+    }
+    return 0;
+}
+
+int jobfile_set_result(const char *path, const char *data, size_t bytes, const char *map,
+                       struct picture *picture, struct failure *failure)
 {
     struct surface cloth = {0};
+    bool binary = bytes >= 4 && memcmp(data, "glTF", 4) == 0;
     int status;
-    if (bytes >= 4 && memcmp(data, "glTF", 4) == 0) {
+    if (binary) {
         status = glbfile_parse(path, data, bytes, &cloth, failure);
     } else {
         json_t *result = parse_json(path, data, bytes, failure);
         status = result ? read_mesh(path, "the result", result, &cloth, failure) : -1;
         json_decref(result);
     }
-    if (status == 0) {
-        surface_done(&picture->cloth);
-        picture->cloth = cloth;
+    if (status == 0 && binary) {
+        status = read_values(path, data, bytes, map, &cloth, failure);
+    } else if (status == 0 && map && strcmp(map, "none") != 0) {
+        status = failure_set(failure, EXIT_USAGE, "%s is no GLB: it has no %s by vertex", path, map);
     }
-    return status;
+    if (status < 0) {
+        surface_done(&cloth);
+        return -1;
+    }
+    surface_done(&picture->cloth);
+    picture->cloth = cloth;
+    picture->map = cloth.value ? (map ? picture_map_find(map) : picture_maps) : NULL;
+    return 0;
 }

@@ -10,8 +10,9 @@
 int jobfile_parse(const char *path, const char *text, size_t bytes, struct picture *ret, size_t *ret_skipped,
                   struct failure *failure);
 
-/* Replaces the cloth by a result: GLB, or the contract's JSON. */
-int jobfile_set_result(const char *path, const char *data, size_t bytes, struct picture *picture,
-                       struct failure *failure);
+/* Replaces the cloth by a result: GLB, or the contract's JSON. `map` names what its colours are to show, one
+ * of picture_maps, which a GLB of a job with `fit` has; NULL: the first where it is there. */
+int jobfile_set_result(const char *path, const char *data, size_t bytes, const char *map,
+                       struct picture *picture, struct failure *failure);
 
 #endif

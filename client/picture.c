@@ -37,6 +37,21 @@ const char *__lsan_default_suppressions(void)
 }
 #endif
 
+const struct picture_map picture_maps[] = {{"strain", "_STRAIN", "%", 100},
+                                           {"pressure", "_PRESSURE", "Pa", 1},
+                                           {"gap", "_GAP", "mm", 1000},
+                                           {"none", NULL, "", 1},
+                                           {NULL, NULL, NULL, 0}};
+
+/* Five even stops of viridis (S. van der Walt, N. Smith and E. Firing, in Matplotlib; CC0): lightness rises
+ * evenly, for colour-blind eyes too. */
+static const unsigned char stops[][3] = {
+    {0x44, 0x01, 0x54}, {0x3B, 0x52, 0x8B}, {0x21, 0x91, 0x8C}, {0x5E, 0xC9, 0x62}, {0xFD, 0xE7, 0x25}};
+enum { STOPS = sizeof stops / sizeof stops[0] };
+
+/* The bar of colours: pixels from the left edge and its width, and its part of the image's height. */
+enum { BAR_LEFT = 12, BAR_WIDTH = 14, BAR_PART = 3 };
+
 struct frame { /* of one picture, common to its views */
     double centre[3];
     double half_width, half_height, half_depth; /* m, in view directions */
@@ -55,6 +70,50 @@ void picture_done(struct picture *picture)
     }
     free(picture->body);
     *picture = (struct picture){0};
+}
+
+/* ---- colours ----------------------------------------------------------------------------------- */
+
+const struct picture_map *picture_map_find(const char *name)
+{
+    const struct picture_map *map = picture_maps;
+    while (map->name && strcmp(map->name, name) != 0) {
+        map++;
+    }
+    return map->name ? map : NULL;
+}
+
+void picture_range(const struct picture *picture, double ret[2])
+{
+    ret[0] = ret[1] = 0;
+    for (size_t i = 0; picture->cloth.value && i < picture->cloth.vertices; i++) {
+        ret[0] = fmin(ret[0], picture->cloth.value[i]); /* fmin passes over a NAN */
+        ret[1] = fmax(ret[1], picture->cloth.value[i]);
+    }
+}
+
+/* Of a value from 0 to 1, linear between the stops. */
+static void shade(double value, unsigned char ret[3])
+{
+    double at = fmin(1, fmax(0, value)) * (STOPS - 1);
+    size_t low = at < STOPS - 2 ? (size_t)at : STOPS - 2;
+    for (int k = 0; k < 3; k++) {
+        ret[k] =
+            (unsigned char)lround(stops[low][k] + (at - (double)low) * (stops[low + 1][k] - stops[low][k]));
+    }
+}
+
+/* 3*vertices, to be freed; NULL when out of memory. */
+static unsigned char *shade_cloth(const struct picture *picture)
+{
+    double range[2];
+    unsigned char *colour = malloc(3 * picture->cloth.vertices);
+    picture_range(picture, range);
+    for (size_t i = 0; colour && i < picture->cloth.vertices; i++) {
+        double width = range[1] - range[0];
+        shade(width > 0 ? (picture->cloth.value[i] - range[0]) / width : 0, colour + 3 * i);
+    }
+    return colour;
 }
 
 /* ---- framing ----------------------------------------------------------------------------------- */
@@ -296,6 +355,24 @@ static int draw_bodies(const struct picture *picture, const struct frame *frame)
     return status;
 }
 
+/* In the colours of its values, on both sides. */
+static int draw_shaded(const struct picture *picture)
+{
+    unsigned char *colour = shade_cloth(picture);
+    if (!colour) {
+        return -1;
+    }
+    glColorMaterial(GL_FRONT_AND_BACK, GL_AMBIENT_AND_DIFFUSE);
+    glEnable(GL_COLOR_MATERIAL);
+    glEnableClientState(GL_COLOR_ARRAY);
+    glColorPointer(3, GL_UNSIGNED_BYTE, 0, colour);
+    int status = draw_surface(&picture->cloth);
+    glDisableClientState(GL_COLOR_ARRAY);
+    glDisable(GL_COLOR_MATERIAL);
+    free(colour);
+    return status;
+}
+
 static int draw_view(const struct picture *picture, const struct frame *frame, double azimuth)
 {
     glViewport(0, 0, frame->width * SUPERSAMPLE, frame->height * SUPERSAMPLE);
@@ -307,6 +384,9 @@ static int draw_view(const struct picture *picture, const struct frame *frame, d
     set_colour(GL_FRONT_AND_BACK, 0.80f, 0.72f, 0.65f);
     if (draw_bodies(picture, frame) < 0) {
         return -1;
+    }
+    if (picture->cloth.value) {
+        return draw_shaded(picture);
     }
     set_colour(GL_FRONT, 0.36f, 0.58f, 0.90f);
     set_colour(GL_BACK, 0.56f, 0.63f, 0.76f);
@@ -335,6 +415,19 @@ static void average_view(const unsigned char *large, const struct frame *frame, 
             for (int k = 0; k < 3; k++) {
                 out[k] = (unsigned char)(sum[k] / (SUPERSAMPLE * SUPERSAMPLE));
             }
+        }
+    }
+}
+
+/* The bar of the colours, the largest value on top. */
+static void draw_bar(const struct frame *frame, unsigned char *image)
+{
+    size_t width = (size_t)frame->width * VIEWS, height = (size_t)frame->height, bar = height / BAR_PART;
+    for (size_t y = 0; y < bar; y++) {
+        unsigned char colour[3];
+        shade(1 - (double)y / (double)(bar - 1), colour);
+        for (size_t x = BAR_LEFT; x < BAR_LEFT + BAR_WIDTH && x < width; x++) {
+            memcpy(image + 3 * ((height - bar - BAR_LEFT + y) * width + x), colour, sizeof colour);
         }
     }
 }
@@ -375,6 +468,9 @@ int picture_save(const struct picture *picture, const char *path, struct failure
         }
         glFinish();
         average_view(large, &frame, view, image);
+    }
+    if (picture->cloth.value) {
+        draw_bar(&frame, image);
     }
     status = save_png(image, &frame, path, failure);
 cleanup:

@@ -27,6 +27,7 @@ void surface_done(struct surface *surface)
 {
     free(surface->positions);
     free(surface->pattern);
+    free(surface->value);
     free(surface->triangle);
     *surface = (struct surface){0};
 }
