@@ -6,8 +6,10 @@
 
 /* Rows of the trace that are shown. */
 #define TRACE_ROWS 10
-/* Stages that took less than this are not worth a word (s). */
+/* Stages that took less than this are not worth a word (s), nor terms that hold less than that part of all.
+ */
 #define SHORTEST_STAGE_S 0.005
+#define LEAST_TERM       0.05
 
 static const char *text_of(const json_t *object, const char *key)
 {
@@ -81,6 +83,29 @@ static void put_seconds(FILE *file, const json_t *report)
     {
         if (json_number_value(value) >= SHORTEST_STAGE_S) {
             fprintf(file, "%s%s %.2f", separator, name, json_number_value(value));
+            separator = ", ";
+        }
+    }
+    fprintf(file, "%s\n", separator[0] == ',' ? ")" : "");
+}
+
+/* "18.2 MB (contact 14.9, jacobian 2.1)" */
+static void put_memory(FILE *file, const json_t *report)
+{
+    double peak = json_number_value(json_object_get(report, "peak_bytes"));
+    const char *separator = " (";
+    size_t i;
+    json_t *term;
+    if (!(peak > 0)) {
+        return;
+    }
+    put_label(file, "memory");
+    fprintf(file, "%.1f MB", peak / 1e6);
+    json_array_foreach(json_object_get(json_object_get(report, "plan"), "kept"), i, term)
+    {
+        double bytes = json_number_value(json_object_get(term, "bytes"));
+        if (bytes >= LEAST_TERM * peak) {
+            fprintf(file, "%s%s %.1f", separator, text_of(term, "name"), bytes / 1e6);
             separator = ", ";
         }
     }
@@ -195,6 +220,7 @@ static void put_report(FILE *file, const json_t *report)
     put_sewing(file, json_object_get(report, "sewing"));
     put_counts(file, report);
     put_seconds(file, report);
+    put_memory(file, report);
     put_energies(file, json_object_get(report, "energies"));
     put_residuals(file, report);
     put_certificate(file, json_object_get(report, "certificate"));

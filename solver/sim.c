@@ -184,6 +184,7 @@ static void report_stages(struct drape_sim *sim)
         [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve", [DR_STAGE_MOVE] = "move",
         [DR_STAGE_CERTIFY] = "certify",
     };
+    _Static_assert(DR_STAGES <= DRAPE_MAX_STAGES, "the report has room for every stage");
     for (int i = 0; i < DR_STAGES; i++)
         sim->report.stage[sim->report.stages++] = (drape_stage){name[i], sim->stage[i]};
 }

@@ -22,7 +22,10 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
     char *text = job_text(
         "{\"id\":\"j1\",\"name\":\"dress\",\"status\":\"succeeded\",\"verdict\":\"at-rest\",\"attempt\":2,"
         "\"report\":{\"reason\":\"within the tolerance\",\"method\":\"stop-and-go\",\"iterations\":74,"
-        "\"stops\":5,\"factorizations\":75,\"seconds\":3.25,\"stages\":{\"sew\":0.0,\"factorise\":2.77},"
+        "\"peak_bytes\":2e7,\"plan\":{\"kept\":[{\"name\":\"state\",\"bytes\":1000},"
+        "{\"name\":\"contact\",\"bytes\":15000000},{\"name\":\"jacobian\",\"bytes\":4e6}]},\"stops\":5,"
+        "\"factorizations\":75,\"seconds\":3.25,\"stages\":{\"sew\":0.0,\"broad-phase\":0.25,\"factorise\":2."
+        "77},"
         "\"energies\":{\"stretch\":0.125,\"potential\":-0.5},\"residual_force\":9e-4,"
         "\"residual_energy\":3.5e-11,\"residual_energy_is\":\"estimate\",\"penetrations\":0,"
         "\"deepest\":0,\"sewing\":{\"iterations\":42,\"seam_gap\":0.0009}}}");
@@ -30,7 +33,8 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
                                  "within the tolerance",
                                  "74 of draping, 5 stops",
                                  "75 factorisations",
-                                 "3.25 s (factorise 2.77)",
+                                 "3.25 s (broad-phase 0.25, factorise 2.77)",
+                                 "memory         20.0 MB (contact 15.0, jacobian 4.0)",
                                  "stretch 0.125, potential -0.5",
                                  "0.0009 of the mean vertex weight",
                                  "3.5e-11 J (estimate)",
