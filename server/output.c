@@ -214,7 +214,8 @@ static int write_trace_json(FILE *file, const struct output *output)
         put_row(file, &output->row[i], "null");
         fputc(']', file);
     }
-    fprintf(file, "\n],\n\"residual_energy_is\":\"%s\"}\n", schema_residual_energy_is(output->report));
+    fprintf(file, "\n],\n\"residual_energy_is\":\"%s\"}\n",
+            schema_residual_energy_is(output->report->reference_rows));
     return 0;
 }
 

@@ -154,7 +154,8 @@ json_t *schema_progress_json(const drape_progress *progress, const drape_options
     failed |= json_object_set_new(object, "elapsed_ms", count((uint64_t)(fmax(row->seconds, 0) * 1e3)));
     failed |= json_object_set_new(object, "energy", schema_energies_json(&row->energy));
     failed |= json_object_set_new(object, "residual_energy", number(row->residual_energy));
-    failed |= json_object_set_new(object, "residual_energy_is", json_string(schema_residual_energy_is(NULL)));
+    failed |=
+        json_object_set_new(object, "residual_energy_is", json_string(schema_residual_energy_is(false)));
     failed |= json_object_set_new(object, "residual_force", number(row->residual_force));
     failed |= json_object_set_new(object, "stops", count(progress->stops));
     failed |= json_object_set_new(object, "percent", json_null());
@@ -238,9 +239,9 @@ static json_t *certificate_json(const drape_certificate *certificate)
     return finish(object, failed);
 }
 
-const char *schema_residual_energy_is(const drape_report *report)
+const char *schema_residual_energy_is(bool reference)
 {
-    return report && report->certificate.certified ? "reference" : "estimate";
+    return reference ? "reference" : "estimate";
 }
 
 /* A line that has no length in the pattern cannot be elongated. */
@@ -284,8 +285,8 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));
     failed |= json_object_set_new(object, "energies", schema_energies_json(&state->energy));
     failed |= json_object_set_new(object, "residual_energy", number(state->residual_energy));
-    failed |=
-        json_object_set_new(object, "residual_energy_is", json_string(schema_residual_energy_is(report)));
+    failed |= json_object_set_new(object, "residual_energy_is",
+                                  json_string(schema_residual_energy_is(report->certificate.certified)));
     failed |= json_object_set_new(object, "residual_force", number(state->residual_force));
     failed |= json_object_set_new(object, "penetrations", count(report->penetrations));
     failed |= json_object_set_new(object, "deepest", number(report->deepest));

@@ -35,9 +35,9 @@ struct job_spec *job_spec_free(struct job_spec *spec); /* NULL is fine; returns 
 /* Turns the solver's error into a problem with the JSON pointer of the place at fault. Returns -1. */
 int schema_solver_problem(const drape_error *error, struct problem *reterr);
 
-/* What the residual energies of a report and its trace are worth: "reference", E - E* against the certified
- * minimum, or "estimate", half the Newton decrement. Static string. NULL, while the job runs: an estimate. */
-const char *schema_residual_energy_is(const drape_report *report);
+/* What residual energies are worth: "reference", E - E* of the certified minimum, or "estimate", half the
+ * Newton decrement. Static string. */
+const char *schema_residual_energy_is(bool reference);
 
 /* New references, NULL when out of memory; non-finite numbers become null. */
 json_t *schema_energies_json(const drape_energies *energies);

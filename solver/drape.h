@@ -256,7 +256,7 @@ typedef struct drape_row {
     uint32_t iteration;
     double seconds; /* since drape_sim_run began, sewing included */
     drape_energies energy;
-    double residual_energy;     /* J: E - E*. Certified runs know E*: their rows tell the difference. Else an
+    double residual_energy;     /* J: E - E* where the report has reference_rows. Else an
                                  * estimate, half the Newton decrement 1/2 f'A^-1 f with the step matrix A. A
                                  * holds M/dt^2, so the estimate is low while slow modes are left: 5 to 100
                                  * times on the paper's square until it hangs still. NAN where there is none:
@@ -397,6 +397,9 @@ typedef struct drape_report {
     drape_row state; /* the row of the state that drape_sim_positions returns; certified, its
                       * residual_energy is the certificate's energy_left */
     drape_certificate certificate;
+    /* The rows tell E - E* of the certified minimum. Not with friction, whose anchors are renewed: then the
+     * rows are of different energies. */
+    bool reference_rows;
     uint32_t penetrations;    /* nodes inside a body (distance < 0) in that state */
     double deepest;           /* m: depth of the deepest of them; 0 when none */
     double drop;              /* m: slid off, how much lower than when draping began the highest point of the

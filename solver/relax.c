@@ -346,7 +346,8 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     }
     report->verdict = verdict;
     report->reason = reason;
-    for (size_t i = 0; report->certificate.certified && i < s->sim->rows; i++) {
+    report->reference_rows = report->certificate.certified && !s->cloth->friction;
+    for (size_t i = 0; report->reference_rows && i < s->sim->rows; i++) {
         drape_row *row = s->sim->row + i; /* E* is known now */
         row->residual_energy = row->energy.potential - s->row.energy.potential;
     }

@@ -332,6 +332,11 @@ static void test_output__trace_json_says_the_same(void **state)
     assert_close(at(json_array_get(rows, 2), 8), 5e-4, 0);
     assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "estimate");
     json_decref(json);
+    f->report.reference_rows = true;
+    assert_int_equal(write_all(f, &problem), 0);
+    json = read_json(f, OUTPUT_TRACE_JSON);
+    assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "reference");
+    json_decref(json);
 }
 
 static void test_output__trace_svg_is_a_picture(void **state)

@@ -59,6 +59,9 @@ static void test_certify__a_hanging_cloth_is_a_minimum_as_stiff_as_a_chain(void 
         assert_true(certificate->energy_left >= 0 && certificate->energy_left < 1e-25);
         assert_close(2 * certificate->curvature, chain, 0.015);
         assert_true(run.report->state.residual_energy == certificate->energy_left);
+        assert_true(run.report->reference_rows);
+        const drape_row *first = &run.row[0], *last = &run.row[run.rows - 1];
+        assert_close(first->residual_energy, first->energy.potential - last->energy.potential, 1e-6);
         assert_true(run.report->state.residual_force < 1e-7);
         run_done(&run);
         setup_free(setup);
