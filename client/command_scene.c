@@ -27,7 +27,8 @@ enum {
     OPTION_NAME,
     OPTION_SELF_CONTACT,
     OPTION_THICKNESS,
-    OPTION_LINES
+    OPTION_LINES,
+    OPTION_FIT
 };
 
 static const struct argp_option options[] = {
@@ -42,6 +43,7 @@ static const struct argp_option options[] = {
     {"self-contact", OPTION_SELF_CONTACT, "auto|on|off", 0, "Whether cloth feels cloth", 1},
     {"thickness", OPTION_THICKNESS, "M", 0, "Distance at which cloth feels cloth (m)", 1},
     {"lines", OPTION_LINES, "FILE", 0, "Lines \"NAME i j k ...\": girths and lengths to be measured", 1},
+    {"fit", OPTION_FIT, NULL, 0, "Measure strain, stress, pressure and gap", 1},
     {NULL, 0, NULL, 0, "How to solve it (the server's defaults hold otherwise):", 2},
     {"method", 'M', "NAME", 0, "auto, stop-and-go, dynamic, ...", 2},
     {"stop-on", OPTION_STOP_ON, "potential|kinetic", 0, "When stop-and-go stops", 2},
@@ -125,6 +127,9 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case OPTION_LINES:
         arguments->lines = argument;
+        return 0;
+    case OPTION_FIT:
+        scene->fit = true;
         return 0;
     case OPTION_THICKNESS:
         scene->thickness = cli_number(state, "thickness", argument, 1e-6, 1);

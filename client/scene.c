@@ -213,6 +213,9 @@ int scene_write(FILE *file, const struct scene *scene)
     if (scene->lines > 0) {
         status |= write_lines(file, scene);
     }
+    if (scene->fit) {
+        fprintf(file, ",\n\"fit\": true");
+    }
     if (scene->self_contact) {
         fprintf(file, ",\n");
         status |= write_string(file, "self_contact", scene->self_contact);

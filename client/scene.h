@@ -38,6 +38,7 @@ struct scene {
     double thickness;                  /* m: at which cloth feels cloth. Negative: the server's default */
     double body_offset, body_friction; /* m; Coulomb. Negative: the server's default */
     const char *self_contact;          /* borrowed; may be NULL */
+    bool fit;                          /* measure how it fits */
     struct scene_solver solver;
 };
 

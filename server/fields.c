@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
 #include "metrics.h"
 
 struct entry {
@@ -98,7 +99,9 @@ static drape_status build(struct fields *fields, struct entry *entry, const drap
                           drape_field **ret, drape_error *reterr)
 {
     drape_field *field = NULL;
+    int64_t began = clock_monotonic_ms();
     drape_status status = drape_field_new(body, number, &field, reterr);
+    metrics_observe(fields->metrics, METRIC_FIELD_SECONDS, (double)(clock_monotonic_ms() - began) / 1000);
     pthread_mutex_lock(&fields->lock);
     if (status < 0) {
         forget(fields, entry); /* those who wait try for themselves */

@@ -39,6 +39,8 @@ static const struct metric_row metric_table[METRICS] = {
     [METRIC_FIELD_MISSES] = {"draped_field_cache_misses_total", COUNTER, "",
                              "Body meshes whose distance field had to be built."},
     [METRIC_FIELD_BYTES] = {"draped_field_cache_bytes", GAUGE, "", "Held by distance fields that are kept."},
+    [METRIC_FIELD_SECONDS] = {"draped_field_build_seconds", HISTOGRAM, "",
+                              "Time to build one body's distance field, which no job's own seconds contain."},
     [METRIC_STREAMS] = {"draped_streams", GAUGE, "", "Event streams open."},
     [METRIC_CONNECTIONS] = {"draped_connections", GAUGE, "", "API connections open."},
     [METRIC_BYTES_FREE] = {"draped_data_free_bytes", GAUGE, "", "Space left for the data folder."},

@@ -83,6 +83,7 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_null(at(job, "cloth.pins"));
     assert_null(at(job, "cloth.thickness"));
     assert_null(at(job, "lines"));
+    assert_null(at(job, "fit"));
     json_decref(job);
     scene.line = calloc(1, sizeof *scene.line);
     assert_non_null(scene.line);
@@ -93,6 +94,7 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     scene.line->vertices = 2;
     scene.line->vertex[1] = 2;
     scene.thickness = 0.001;
+    scene.fit = true;
     scene.solver.method = "auto";
     scene.solver.max_iterations = 0;
     scene.body_friction = 0;
@@ -105,6 +107,7 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_int_equal(json_integer_value(at(job, "solver.max_iterations")), 0);
     assert_true(json_is_number(at(job, "bodies.0.friction")));
     assert_null(at(job, "bodies.0.offset"));
+    assert_true(json_is_true(at(job, "fit")));
     assert_string_equal(json_string_value(at(job, "lines.0.name")), "Brust \"A\"");
     assert_int_equal(json_array_size(at(job, "lines.0.vertices")), 2);
     assert_int_equal(json_integer_value(at(job, "lines.0.vertices.1")), 2);

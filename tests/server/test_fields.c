@@ -78,6 +78,7 @@ static void test_fields__the_same_numbers_are_built_once(void **state)
     bytes += ask(fields, nextafter(0.2, 1), &other);
     assert_ptr_not_equal(first, other);
     expect(metrics, 1, 2, bytes);
+    assert_close(figure(metrics, "draped_field_build_seconds_count"), 2, 0);
     assert_null(fields_free(fields));
     assert_null(fields_free(NULL));
     metrics_free(metrics);
