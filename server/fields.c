@@ -148,8 +148,11 @@ struct fields *fields_free(struct fields *fields)
 {
     if (fields == NULL)
         return NULL;
-    while (fields->first != NULL)
-        forget(fields, fields->first);
+    for (struct entry *entry = fields->first, *next; entry != NULL; entry = next) {
+        next = entry->next;
+        drape_field_unref(entry->field);
+        free(entry);
+    }
     pthread_cond_destroy(&fields->built);
     pthread_mutex_destroy(&fields->lock);
     free(fields);
