@@ -51,17 +51,20 @@ static inline const struct dr_leaf *dr_bvh_leaf(const struct dr_bvh *bvh, uint32
     return bvh->leaf + (bvh->right[node] - DR_BVH_LEAF);
 }
 
+/* How far apart two intervals are; 0 where they overlap. No branch: the processor would guess it wrong. */
+static inline double dr_gap(double low, double high, double other_low, double other_high)
+{
+    double above = low - other_high, below = other_low - high, gap = above > below ? above : below;
+    return 0 < gap ? gap : 0;
+}
+
 /* How far apart two boxes are, squared; infinite if one is empty. */
 static inline double dr_box_distance(const struct dr_box *a, const struct dr_box *b)
 {
-    double square = 0;
-    for (int d = 0; d < 3; d++) {
-        double above = a->low[d] - b->high[d], below = b->low[d] - a->high[d];
-        double gap = above > below ? above : below;
-        gap = gap > 0 ? gap : 0; /* no branch */
-        square += gap * gap;
-    }
-    return square;
+    double x = dr_gap(a->low[0], a->high[0], b->low[0], b->high[0]),
+           y = dr_gap(a->low[1], a->high[1], b->low[1], b->high[1]),
+           z = dr_gap(a->low[2], a->high[2], b->low[2], b->high[2]);
+    return x * x + y * y + z * z;
 }
 
 /* Whether a pair of tree nodes (also a node with itself) is worth a look; what to do with two leaves, false

@@ -168,13 +168,10 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
 {
     struct dr_pairs *pairs = search->pairs;
     const double *v = search->x + 3 * (size_t)node;
-    double away = 0;
-    for (int d = 0; d < 3; d++) {
-        double below = box->low[d] - v[d], above = v[d] - box->high[d], gap = below > above ? below : above;
-        gap = gap > 0 ? gap : 0; /* no branch */
-        away += gap * gap;
-    }
-    if (!(away < search->square) || dr_pairs_shares_node(leaf->node, node))
+    double gap[3] = {dr_gap(v[0], v[0], box->low[0], box->high[0]),
+                     dr_gap(v[1], v[1], box->low[1], box->high[1]),
+                     dr_gap(v[2], v[2], box->low[2], box->high[2])};
+    if (!(dr_dot(gap, gap) < search->square) || dr_pairs_shares_node(leaf->node, node))
         return true;
     struct dr_pair pair = {{node, leaf->node[0], leaf->node[1], leaf->node[2]}, node, leaf->triangle};
     if (!(dr_closest_vertex_face(search->x, pair.node).square < search->square))
@@ -187,19 +184,20 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     return !search->starved;
 }
 
-/* Squared distance of the boxes round two edges. */
-static double edge_gap(const double *x, const uint32_t p[2], const uint32_t q[2])
+/* How far apart a..b and c..d are along one axis. */
+static inline double edge_gap(double a, double b, double c, double d)
 {
-    double square = 0;
-    for (size_t d = 0; d < 3; d++) {
-        double a = x[3 * (size_t)p[0] + d], b = x[3 * (size_t)p[1] + d], e = x[3 * (size_t)q[0] + d],
-               f = x[3 * (size_t)q[1] + d];
-        double above = (a < b ? a : b) - (e > f ? e : f), below = (e < f ? e : f) - (a > b ? a : b);
-        double gap = above > below ? above : below;
-        gap = gap > 0 ? gap : 0; /* no branch */
-        square += gap * gap;
-    }
-    return square;
+    return dr_gap(a < b ? a : b, a < b ? b : a, c < d ? c : d, c < d ? d : c);
+}
+
+/* Squared distance of the boxes round two edges. */
+static inline double edge_distance(const double *x, const uint32_t p[2], const uint32_t q[2])
+{
+    const double *a = x + 3 * (size_t)p[0], *b = x + 3 * (size_t)p[1], *c = x + 3 * (size_t)q[0],
+                 *d = x + 3 * (size_t)q[1];
+    double gap[3] = {edge_gap(a[0], b[0], c[0], d[0]), edge_gap(a[1], b[1], c[1], d[1]),
+                     edge_gap(a[2], b[2], c[2], d[2])};
+    return dr_dot(gap, gap);
 }
 
 static bool try_edges(struct search *search, uint32_t a, uint32_t b)
@@ -207,7 +205,7 @@ static bool try_edges(struct search *search, uint32_t a, uint32_t b)
     struct dr_pairs *pairs = search->pairs;
     const uint32_t *p = pairs->side + 2 * (size_t)a, *q = pairs->side + 2 * (size_t)b;
     if (p[0] == q[0] || p[0] == q[1] || p[1] == q[0] || p[1] == q[1] ||
-        !(edge_gap(search->x, p, q) < search->square))
+        !(edge_distance(search->x, p, q) < search->square))
         return true;
     struct dr_pair pair = {{p[0], p[1], q[0], q[1]}, a, b};
     if (!(dr_closest_edge_edge(search->x, pair.node).square < search->square))

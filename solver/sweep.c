@@ -68,18 +68,45 @@ static double safe_time(const struct pair *pair, const double x[12], const doubl
     return least > 0 ? least : 0;
 }
 
+/* The distance that a pair must keep of `distance`, and the one at which it counts as met. */
+struct bounds {
+    double goal, enough;
+};
+
+static struct bounds bounds_of(double distance, double keep)
+{
+    double start = distance < DR_SWEEP_NEAR ? distance : DR_SWEEP_NEAR, goal = keep * start;
+    return (struct bounds){goal, start - DR_SWEEP_CLOSED * (start - goal)};
+}
+
+/* Most pairs show by one look at their closest points that they do not meet within t: see safe_time. */
+static bool stays_apart(const double *x, const double *w, const uint32_t node[4], bool edges, double keep,
+                        double t)
+{
+    struct dr_closest c = edges ? dr_closest_edge_edge(x, node) : dr_closest_vertex_face(x, node);
+    double distance = sqrt(c.square), speed[4]; /* along r, times the distance */
+    for (int i = 0; i < 4; i++)
+        speed[i] = dr_dot(c.r, w + 3 * (size_t)node[i]);
+    double most = speed[2] > speed[3] ? speed[2] : speed[3], least = speed[0];
+    if (edges)
+        least = speed[1] < least ? speed[1] : least;
+    else
+        most = speed[1] > most ? speed[1] : most;
+    return c.square - t * (most - least) > bounds_of(distance, keep).enough * distance;
+}
+
 /* The part of the step until the pair meets; `limit` if it does not before. */
 static double meeting(const struct pair *pair, double keep, double limit)
 {
     struct dr_closest c = closest(pair->x, pair->edges);
-    double distance = sqrt(c.square), start = fmin(distance, DR_SWEEP_NEAR), goal = keep * start;
-    double enough = start - DR_SWEEP_CLOSED * (start - goal), t = 0, x[12];
+    double distance = sqrt(c.square), t = 0, x[12];
+    struct bounds bounds = bounds_of(distance, keep);
     if (!(distance > DR_SWEEP_TOUCHING))
         return limit;
     memcpy(x, pair->x, sizeof x);
-    for (int i = 0; i < MAX_ADVANCES && distance > enough; i++) {
+    for (int i = 0; i < MAX_ADVANCES && distance > bounds.enough; i++) {
         double n[3] = {c.r[0] / distance, c.r[1] / distance, c.r[2] / distance};
-        t += safe_time(pair, x, n, goal);
+        t += safe_time(pair, x, n, bounds.goal);
         if (!(t < limit))
             return limit;
         for (int k = 0; k < 12; k++)
@@ -102,7 +129,8 @@ struct sweep {
     size_t met;
 };
 
-static bool shares_triangle(const struct dr_pairs *pairs, const double *x, uint32_t side, uint32_t triangle)
+/* Whether the edge crosses the triangle; not if they share a node. */
+static bool pierces(const struct dr_pairs *pairs, const double *x, uint32_t side, uint32_t triangle)
 {
     const uint32_t *corner = pairs->mesh->triangle + 3 * (size_t)triangle;
     const uint32_t *end = pairs->side + 2 * (size_t)side;
@@ -114,7 +142,7 @@ static bool shares_triangle(const struct dr_pairs *pairs, const double *x, uint3
 static bool face_is_crossed(const struct dr_pairs *pairs, const double *x, uint32_t vertex, uint32_t triangle)
 {
     for (uint32_t i = pairs->first_side[vertex]; i < pairs->first_side[vertex + 1]; i++)
-        if (shares_triangle(pairs, x, pairs->node_side[i], triangle))
+        if (pierces(pairs, x, pairs->node_side[i], triangle))
             return true;
     return false;
 }
@@ -125,8 +153,8 @@ static bool edges_are_crossed(const struct dr_pairs *pairs, const double *x, uin
     for (size_t k = 0; k < 2; k++) {
         uint32_t at_a = pairs->side_triangle[2 * (size_t)a + k],
                  at_b = pairs->side_triangle[2 * (size_t)b + k];
-        if ((at_b != DR_NONE && shares_triangle(pairs, x, a, at_b)) ||
-            (at_a != DR_NONE && shares_triangle(pairs, x, b, at_a)))
+        if ((at_b != DR_NONE && pierces(pairs, x, a, at_b)) ||
+            (at_a != DR_NONE && pierces(pairs, x, b, at_a)))
             return true;
     }
     return false;
@@ -135,6 +163,8 @@ static bool edges_are_crossed(const struct dr_pairs *pairs, const double *x, uin
 /* a, b: as in struct dr_pair. */
 static void try_pair(struct sweep *sweep, const uint32_t node[4], bool edges, uint32_t a, uint32_t b)
 {
+    if (stays_apart(sweep->x, sweep->w, node, edges, sweep->keep, sweep->t))
+        return;
     struct pair pair = load(sweep->x, sweep->w, node, edges);
     double t = meeting(&pair, sweep->keep, sweep->t);
     if (!(t < sweep->t))
@@ -149,6 +179,23 @@ static void try_pair(struct sweep *sweep, const uint32_t node[4], bool edges, ui
         sweep->share[node[i]] = fmin(sweep->share[node[i]], t);
 }
 
+/* What two boxes can do along one axis. */
+struct axis {
+    double gap;    /* between them, m */
+    double left;   /* of it at t at least, < 0: they may pass, m */
+    double length; /* the largest difference of their motions, m */
+};
+
+static inline struct axis along(const struct dr_box *p, const struct dr_box *q, const struct dr_box *v,
+                                const struct dr_box *w, int d, double t)
+{
+    double above = p->low[d] - q->high[d], below = q->low[d] - p->high[d];
+    double rise = w->high[d] - v->low[d], fall = v->high[d] - w->low[d]; /* of q up to p, of p up to q */
+    double up = above - t * (0 < rise ? rise : 0), down = below - t * (0 < fall ? fall : 0);
+    double gap = above > below ? above : below;
+    return (struct axis){0 < gap ? gap : 0, up > down ? up : down, rise > fall ? rise : fall};
+}
+
 /* Parts of two boxes keep their distance if, along an axis, the boxes stay apart by keep*DR_SWEEP_NEAR; or if
  * the largest difference of their motions is less than what they may close of their gap. */
 static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
@@ -157,20 +204,14 @@ static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, vo
     if (sweep->moved && !sweep->moved[a] && !sweep->moved[b])
         return false;
     const struct dr_box *p = bvh->box + a, *q = bvh->box + b, *v = bvh->move + a, *w = bvh->move + b;
-    double length = 0, square = 0, goal = sweep->keep * DR_SWEEP_NEAR;
-    for (int d = 0; d < 3; d++) {
-        double above = p->low[d] - q->high[d], below = q->low[d] - p->high[d];
-        double gap = above > below ? above : below;
-        double rise = w->high[d] - v->low[d],
-               fall = v->high[d] - w->low[d]; /* of q towards a p above, or below */
-        double closing = above > below ? rise : fall, most = rise > fall ? rise : fall;
-        if (gap - sweep->t * (closing > 0 ? closing : 0) > goal)
-            return false;
-        square += gap > 0 ? gap * gap : 0;
-        length += most * most;
-    }
-    double gap = sqrt(square), far = gap < DR_SWEEP_NEAR ? sweep->keep * gap : goal;
-    return sweep->t * sqrt(length) > gap - far;
+    struct axis x = along(p, q, v, w, 0, sweep->t), y = along(p, q, v, w, 1, sweep->t),
+                z = along(p, q, v, w, 2, sweep->t);
+    double goal = sweep->keep * DR_SWEEP_NEAR;
+    if (x.left > goal || y.left > goal || z.left > goal)
+        return false;
+    double gap = sqrt(x.gap * x.gap + y.gap * y.gap + z.gap * z.gap);
+    double length = sqrt(x.length * x.length + y.length * y.length + z.length * z.length);
+    return sweep->t * length > gap - (gap < DR_SWEEP_NEAR ? sweep->keep * gap : goal);
 }
 
 static void try_face(struct sweep *sweep, uint32_t vertex, const struct dr_leaf *leaf)

@@ -11,7 +11,9 @@
  *
  * Pairs that cannot keep a distance do not hold the cloth: a pair that touches already (DR_SWEEP_TOUCHING)
  * may do what it likes, and so may a pair of an edge that crosses a triangle at the start: the edge's ends
- * with that triangle, and the edge with the triangle's edges. Moves that are not finite meet nothing. */
+ * with that triangle, and the edge with the triangle's edges. Moves that are not finite meet nothing.
+ *
+ * The lists of the pairs (pairs.h) are neither read nor changed. */
 #ifndef DR_SWEEP_H
 #define DR_SWEEP_H
 
