@@ -8,7 +8,7 @@
 #include "error.h"
 
 /* Times that the radius is halved where it finds too many pairs, before it is 0. */
-#define HALVINGS 6
+#define HALVINGS 3
 
 /* ---- made and freed --------------------------------------------------------------------------- */
 

@@ -11,11 +11,11 @@
 /* Pairs kept per triangle of the mesh, vertex-face and edge-edge together. Fifty layers of cloth a millimetre
  * apart need about 120 within 6 mm; a heap that needs more has more than the whole rest of the scene weighs.
  */
-#define DR_PAIRS_PER_TRIANGLE 256
+#define DR_PAIRS_PER_TRIANGLE 128
 
-/* Pairs of triangles that one walk looks at, per triangle of the mesh; about 30 are usual. Only a heap, or
+/* Pairs of triangles that one walk looks at, per triangle of the mesh; about 10 are usual. Only a heap, or
  * long needles whose boxes all overlap, need more, and would cost a time that grows with the square. */
-#define DR_PAIRS_MAX_MEETINGS 1024
+#define DR_PAIRS_MAX_MEETINGS 512
 
 struct dr_pair {
     uint32_t node[4]; /* vertex a, then the corners of triangle b; or the ends of edge a, then of edge b */

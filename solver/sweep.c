@@ -11,14 +11,14 @@
 #define MAX_ROUNDS 12
 
 /* Pairs of triangles that one walk looks at, per triangle: what moves by up to an edge has about 10. */
-#define MAX_MEETINGS 256
+#define MAX_MEETINGS 128
 
 /* What is left of a move shortened to a meeting: less, so that round-off cannot make it meet again. */
 #define MARGIN 0.999
 
 /* When a walk over the whole step looks at too many pairs, it starts afresh over this part of it. */
 #define SHORTER     0.125
-#define MAX_SHORTER 5
+#define MAX_SHORTER 4
 
 /* ---- one pair --------------------------------------------------------------------------------- */
 
@@ -184,6 +184,7 @@ struct axis {
     double gap;    /* between them, m */
     double left;   /* of it at t at least, < 0: they may pass, m */
     double length; /* the largest difference of their motions, m */
+    double reach;  /* the farthest that a point of one is from a point of the other, m */
 };
 
 static inline struct axis along(const struct dr_box *p, const struct dr_box *q, const struct dr_box *v,
@@ -193,7 +194,8 @@ static inline struct axis along(const struct dr_box *p, const struct dr_box *q, 
     double rise = w->high[d] - v->low[d], fall = v->high[d] - w->low[d]; /* of q up to p, of p up to q */
     double up = above - t * (0 < rise ? rise : 0), down = below - t * (0 < fall ? fall : 0);
     double gap = above > below ? above : below;
-    return (struct axis){0 < gap ? gap : 0, up > down ? up : down, rise > fall ? rise : fall};
+    return (struct axis){0 < gap ? gap : 0, up > down ? up : down, rise > fall ? rise : fall,
+                         -(above < below ? above : below)};
 }
 
 /* Parts of two boxes keep their distance if, along an axis, the boxes stay apart by keep*DR_SWEEP_NEAR; or if
@@ -211,7 +213,8 @@ static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, vo
         return false;
     double gap = sqrt(x.gap * x.gap + y.gap * y.gap + z.gap * z.gap);
     double length = sqrt(x.length * x.length + y.length * y.length + z.length * z.length);
-    return sweep->t * length > gap - (gap < DR_SWEEP_NEAR ? sweep->keep * gap : goal);
+    return sweep->t * length > gap - (gap < DR_SWEEP_NEAR ? sweep->keep * gap : goal) &&
+           x.reach + y.reach + z.reach > DR_SWEEP_TOUCHING; /* else all is in one point */
 }
 
 static void try_face(struct sweep *sweep, uint32_t vertex, const struct dr_leaf *leaf)

@@ -356,8 +356,8 @@ static void test_pairs__a_heap_shrinks_the_radius_and_stays_small(void **state)
     for (size_t i = 0; i < 3 * mesh->nodes;
          i++) /* a radius that takes in everything: less is found, but all of it */
         x[i] = shape.x[i];
-    assert_int_equal(dr_pairs_find(pairs, x, 0.3, NULL), DRAPE_OK);
-    assert_true(pairs->radius > 0.01 && pairs->radius < 0.3);
+    assert_int_equal(dr_pairs_find(pairs, x, 0.1, NULL), DRAPE_OK);
+    assert_true(pairs->radius > 0.01 && pairs->radius < 0.1);
     assert_true(check_faces(pairs, x, pairs->radius) + check_edges(pairs, x, pairs->radius) >
                 mesh->triangles);
     assert_true(pairs->face_count + pairs->edge_count <= DR_PAIRS_PER_TRIANGLE * mesh->triangles);
