@@ -405,7 +405,7 @@ static void test_pairs__no_triangles_one_triangle_and_two_back_to_back(void **st
     }
 }
 
-static void test_pairs__a_real_dress_is_as_everything_says(void **state)
+static void test_pairs__a_real_shirt_against_everything(void **state)
 {
     (void)state;
     struct shape shape;
@@ -595,7 +595,7 @@ int main(void)
         cmocka_unit_test(test_pairs__a_heap_shrinks_the_radius_and_stays_small),
         cmocka_unit_test(test_pairs__any_coordinates_end_and_find_only_what_is_finite),
         cmocka_unit_test(test_pairs__no_triangles_one_triangle_and_two_back_to_back),
-        cmocka_unit_test(test_pairs__a_real_dress_is_as_everything_says),
+        cmocka_unit_test(test_pairs__a_real_shirt_against_everything),
 #ifdef CAN_FAIL_ALLOCATIONS
         cmocka_unit_test(test_pairs__every_allocation_may_fail),
 #endif
