@@ -2,10 +2,11 @@
  *
  * Nodes stand `spacing` apart, in blocks of 8x8x8. Blocks exist where a node is inside or within
  * reach + 3.5 spacings of the surface (3.46 is the farthest that a node of a 4x4x4 stencil can be);
- * every other block is the one "far" block. The samples serve directly as the coefficients of a
- * uniform tricubic B-spline, so that the field is C2 everywhere; that smooths it by spacing^2/6 times
- * its Laplacian: a surface of curvature radius R shrinks by spacing^2/(6R), 0.05 mm on an arm, 0.4 mm
- * on a finger. Parts thinner than two spacings fade away: such a sheet feels soft, not inverted.
+ * every other block is the one "far" block. The field is a uniform tricubic B-spline,
+ * C2 everywhere. Its coefficients are the samples less a sixth of their second differences: the samples
+ * themselves would smooth the field by spacing^2/6 times its Laplacian, which takes 1.4 mm off a tip of 5 mm
+ * radius; so it is half of that, and 0.3 mm in the mean square over a whole body where it was 0.5. Parts
+ * thinner than two spacings fade away: such a sheet feels soft, not inverted.
  *
  * A node is inside where the winding number of the surface is positive, which is right also where the
  * surface crosses itself. Distances at nodes are exact within 2.5 spacings of the surface; farther off,
@@ -37,7 +38,7 @@ struct dr_field {
     uint32_t side[3]; /* blocks along each axis; no block of the outermost layer exists */
     uint32_t *table;  /* side[0]*side[1]*side[2], x fastest: number of the block; 0: the far block */
     size_t blocks;    /* the far block, number 0, included */
-    float *value;     /* DR_BLOCK_NODES per block, x fastest: distance, m, negative inside */
+    float *value;     /* DR_BLOCK_NODES per block, x fastest: the spline's coefficients, m, negative inside */
 };
 
 /* The mesh must have passed dr_body_check. DRAPE_EINVAL (place DRAPE_AT_BODY `number`) when even the

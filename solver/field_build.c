@@ -6,6 +6,7 @@
  *   4. splat    exact distances from each triangle to the nodes within SPLAT of it
  *   5. spread   nearest triangles from node to node, over all that is left
  *   6. finish   square roots, signs, metres
+ *   7. sharpen  from distances to the spline's coefficients
  *
  * Steps 1 to 3 tell what the field will cost; too much, and they start again with a wider spacing. */
 #include "field.h"
@@ -19,8 +20,10 @@
 #include "error.h"
 #include "winding.h"
 
-#define SPLAT       2.5 /* nodes: distances are exact this far from the surface */
-#define STENCIL     3.5 /* nodes: no node of a 4x4x4 stencil is farther from the point it serves */
+#define SPLAT       2.5  /* nodes: distances are exact this far from the surface */
+#define STENCIL     3.5  /* nodes: no node of a 4x4x4 stencil is farther from the point it serves */
+#define SHARP       2.0F /* nodes: the field is sharpened up to here, ever less from here on, */
+#define BLUNT       5.0F /* not at all beyond here */
 #define NO_TRIANGLE UINT32_MAX
 
 /* A triangle a + v ab + w ac, with the dot products that the closest point needs. */
@@ -408,14 +411,22 @@ static size_t queue_pop(struct queue *queue)
     return node;
 }
 
+/* Where on the grid a node is. */
+static void node_place(const struct builder *b, size_t node, uint32_t ret[3])
+{
+    const uint32_t *side = b->field->side;
+    uint32_t place = b->place[node / DR_BLOCK_NODES], local = (uint32_t)(node % DR_BLOCK_NODES);
+    ret[0] = place % side[0] * DR_BLOCK + local % DR_BLOCK;
+    ret[1] = place / side[0] % side[1] * DR_BLOCK + local / DR_BLOCK % DR_BLOCK;
+    ret[2] = place / side[0] / side[1] * DR_BLOCK + local / DR_BLOCK / DR_BLOCK;
+}
+
 /* Offers a node's triangle to its six neighbours; those that take it will hand it on. */
 static void spread_from(struct builder *b, struct queue *queue, size_t node)
 {
     const struct dr_field *field = b->field;
-    uint32_t place = b->place[node / DR_BLOCK_NODES], local = (uint32_t)(node % DR_BLOCK_NODES);
-    uint32_t at[3] = {place % field->side[0] * DR_BLOCK + local % DR_BLOCK,
-                      place / field->side[0] % field->side[1] * DR_BLOCK + local / DR_BLOCK % DR_BLOCK,
-                      place / field->side[0] / field->side[1] * DR_BLOCK + local / DR_BLOCK / DR_BLOCK};
+    uint32_t at[3];
+    node_place(b, node, at);
     /* A neighbour is one unit away: this triangle is at least the distance less one from it. */
     double least = fmax(sqrt((double)field->value[node]) - 1, 0);
     for (int k = 0; k < 6; k++) {
@@ -449,6 +460,52 @@ static bool spread(struct builder *b)
     return ok;
 }
 
+/* ---- 7. sharpen ------------------------------------------------------------------------------ */
+
+/* How much of the sharpening a node at that distance gets: distances beyond SPLAT have small errors from node
+ * to node, which it would enlarge, and nothing touches there. A sudden end would bend the field. */
+static float sharpness(const struct dr_field *field, float distance)
+{
+    float spacings = fabsf(distance) / (float)field->spacing;
+    return fminf(fmaxf((BLUNT - spacings) / (BLUNT - SHARP), 0), 1);
+}
+
+/* The coefficient at a node of the block at `at`: its distance f less a sixth of what the six around it
+ * change it by (see field.h). Next to a node that is not resolved the distance itself serves. */
+static float coefficient(const struct dr_field *field, size_t node, const uint32_t at[3])
+{
+    float sum = 0;
+    for (int k = 0; k < 6; k++) {
+        uint32_t to[3] = {at[0], at[1], at[2]};
+        to[k / 2] += k % 2 ? 1 : UINT32_MAX; /* +1 or -1: no block of the outermost layer exists */
+        size_t neighbor = node_index(field, to[0], to[1], to[2]);
+        if (neighbor < DR_BLOCK_NODES)
+            return field->value[node];
+        sum += field->value[neighbor];
+    }
+    float f = field->value[node];
+    return f - sharpness(field, f) * (sum - 6 * f) / 6;
+}
+
+/* Puts the coefficients in the distances' place; false when out of memory. */
+static bool sharpen(struct builder *b)
+{
+    struct dr_field *field = b->field;
+    size_t nodes = field->blocks * DR_BLOCK_NODES;
+    float *sharp = malloc(nodes * sizeof *sharp);
+    if (!sharp)
+        return false;
+    memcpy(sharp, field->value, DR_BLOCK_NODES * sizeof *sharp); /* the far block */
+    for (size_t n = DR_BLOCK_NODES; n < nodes; n++) {
+        uint32_t at[3];
+        node_place(b, n, at);
+        sharp[n] = coefficient(field, n, at);
+    }
+    free(field->value);
+    field->value = sharp;
+    return true;
+}
+
 /* ---- all ------------------------------------------------------------------------------------- */
 
 static drape_status build(struct builder *b, const double *positions, int64_t number, drape_error *reterr)
@@ -471,7 +528,7 @@ static drape_status build(struct builder *b, const double *positions, int64_t nu
     for (size_t n = 0; n < field->blocks * DR_BLOCK_NODES; n++)
         field->value[n] = (float)(field->spacing * sqrt((double)field->value[n]));
     change_inside(b, negated);
-    return DRAPE_OK;
+    return sharpen(b) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
 drape_status dr_field_new(const double *positions, size_t vertices, const uint32_t *triangle,

@@ -364,12 +364,12 @@ static void test_body__a_mesh_sphere_matches_the_sphere(void **state)
         if (exact > DR_BODY_REACH - DR_FIELD_FINEST / 10 || rho < 0.03)
             continue; /* the limit itself; and the centre, where the spline rounds the tip of the cone */
         assert_true(within);
-        /* The spline adds h^2/6 times the Laplacian 2/rho; the facets lie below the sphere by up to
-         * edge^2/(8 R), 0.02 mm along the diagonals. */
-        double error = fabs(phi - exact - DR_FIELD_FINEST * DR_FIELD_FINEST / (3 * rho));
-        if (fabs(exact) < 0.008)
-            near = fmax(near, error);
-        far = fmax(far, error);
+        /* The facets lie below the sphere by up to edge^2/(8 R), 0.02 mm along the diagonals. Away from the
+         * surface the spline adds up to h^2/6 times the Laplacian 2/rho. */
+        double error = phi - exact, smoothed = DR_FIELD_FINEST * DR_FIELD_FINEST / (3 * rho);
+        if (fabs(exact) < 0.004)
+            near = fmax(near, fabs(error));
+        far = fmax(far, fmax(error - smoothed, -error));
         assert_true(dot(grad, r) / rho > 0.97 && norm(grad) < 1.03);
         checked++;
     }
@@ -379,6 +379,27 @@ static void test_body__a_mesh_sphere_matches_the_sphere(void **state)
     assert_true(near < 3e-5 && far < DR_FIELD_FINEST / 20);
     dr_body_free(body);
     shape_free(&sphere);
+}
+
+/* With the distances themselves as the spline's coefficients the first two shrink by 0.91 and 0.56 mm, and a
+ * shirt went through such a tip. */
+static void test_body__small_parts_keep_their_size(void **state)
+{
+    (void)state;
+    const double radius[] = {0.006, 0.01, 0.02};
+    for (int i = 0; i < 3; i++) {
+        struct shape tip = shape_sphere((double[]){0.0011, 0.0007, 0.0023}, radius[i], 16);
+        struct dr_body *body = make_shape(&tip);
+        double worst = 0, phi, grad[3];
+        for (size_t v = 0; v < tip.vertices; v++) {
+            assert_true(dr_body_distance(body, tip.x + 3 * v, &phi, grad));
+            worst = fmax(worst, fabs(phi));
+        }
+        print_message("ball of %g mm: surface off by up to %.3f mm\n", 1e3 * radius[i], 1e3 * worst);
+        assert_true(worst < 1e-4);
+        dr_body_free(body);
+        shape_free(&tip);
+    }
 }
 
 static void test_body__a_mesh_far_from_the_origin_loses_nothing(void **state)
@@ -588,7 +609,7 @@ static void test_body__a_sheet_thinner_than_the_grid_is_never_inverted(void **st
         double x[3], phi, grad[3];
         random_in_box(&seed, (double[]){0, 0, 0}, (double[]){0.09, 0.09, 0.02}, x);
         assert_true(dr_body_distance(body, x, &phi, grad));
-        if (fabs(x[2]) > 0.008) { /* two spacings off, distances are as they should be, and point away */
+        if (fabs(x[2]) > 0.012) { /* three spacings off, distances are as they should be, and point away */
             assert_near(phi, fabs(x[2]) - 0.0005, 1e-5, 1);
             assert_true(grad[2] * x[2] > 0.99 * fabs(x[2]));
         }
@@ -876,10 +897,10 @@ static void test_body__a_person_has_the_right_distances(void **state)
         "distance error: median %.3g, 90%% %.3g, 99%% %.3g, worst %.3g mm; worst deeper than 20 mm %.3g mm\n",
         1e3 * error[POINTS / 2], 1e3 * error[POINTS * 9 / 10], 1e3 * error[POINTS * 99 / 100],
         1e3 * error[POINTS - 1], 1e3 * worst_deep);
-    /* Smoothing by h^2/6 times the sum of curvatures: 0.05 mm on limbs of 5 cm, more at fingers, toes
-     * and on the medial axis, at most about half a spacing. */
-    assert_true(error[POINTS / 2] < 1e-4);
-    assert_true(error[POINTS * 9 / 10] < 4e-4);
+    /* Smoothing, mostly far from the surface, by h^2/6 times the sum of curvatures: 0.05 mm on limbs of 5 cm,
+     * more at fingers, toes and on the medial axis, at most about half a spacing. */
+    assert_true(error[POINTS / 2] < 5e-5);
+    assert_true(error[POINTS * 9 / 10] < 2e-4);
     assert_true(error[POINTS - 1] < DR_FIELD_FINEST);
 }
 
@@ -938,6 +959,7 @@ int main(void)
         cmocka_unit_test(test_body__out_of_reach_leaves_the_results_alone),
         cmocka_unit_test(test_body__support_is_the_lowest_point),
         cmocka_unit_test(test_body__a_mesh_sphere_matches_the_sphere),
+        cmocka_unit_test(test_body__small_parts_keep_their_size),
         cmocka_unit_test(test_body__a_mesh_far_from_the_origin_loses_nothing),
         cmocka_unit_test(test_body__a_mesh_field_is_twice_differentiable),
         cmocka_unit_test(test_body__bodies_share_a_field_until_the_last_gives_it_back),
