@@ -8,12 +8,93 @@
 
 #include "error.h"
 
+/* A sample of a triangle besides its corners. */
+struct point {
+    double share[3]; /* it moves with the corners' moves times these */
+    double part;     /* of the triangle's rest area, that it stands for */
+};
+
+/* Those of a triangle whose sides are cut into so many pieces. */
+struct pattern {
+    const struct point *point;
+    size_t points;
+};
+
 struct dr_contact {
     const struct dr_mesh *mesh;
     struct dr_body **body; /* bodies; the array is ours, the bodies are not */
     size_t bodies;
-    double *node_area; /* nodes: a third of each incident rest area, m^2 */
+    double *node_area;                                 /* nodes: a third of each incident rest area, m^2 */
+    uint8_t *pieces;                                   /* triangles: of a side, 1 to DR_CONTACT_MAX_PIECES */
+    struct point *point;                               /* of all patterns in use */
+    struct pattern pattern[DR_CONTACT_MAX_PIECES + 1]; /* by pieces; empty where not in use */
+    size_t points, samples;                            /* of the patterns; of the cloth, nodes included */
 };
+
+/* ---- where the cloth is sampled -------------------------------------------------------------- */
+
+static size_t count_points(size_t pieces)
+{
+    return (pieces + 1) * (pieces + 2) / 2 - 3 + pieces * pieces;
+}
+
+static struct point make_point(double b, double c, double part)
+{
+    return (struct point){{1 - b - c, b, c}, part};
+}
+
+/* The triangle cut into pieces^2: each gives a sixth of its area to each of its corners and the other half to
+ * its centroid. The triangle's own corners are nodes, which have weights of their own. Returns the number of
+ * points; their parts sum to 1 - 1/(2 pieces^2). */
+static size_t fill_pattern(size_t pieces, struct point *point)
+{
+    double side = 1.0 / (double)pieces, area = side * side;
+    size_t points = 0;
+    for (size_t i = 0; i <= pieces; i++)
+        for (size_t j = 0; i + j <= pieces; j++) {
+            size_t rims = (i == 0) + (j == 0) + (i + j == pieces);
+            double b = (double)i, c = (double)j;
+            if (rims < 2) /* three pieces meet on a side, six inside */
+                point[points++] = make_point(b * side, c * side, rims ? area / 2 : area);
+            if (i + j + 1 <= pieces)
+                point[points++] = make_point((b + 1.0 / 3) * side, (c + 1.0 / 3) * side, area / 2);
+            if (i + j + 2 <= pieces)
+                point[points++] = make_point((b + 2.0 / 3) * side, (c + 2.0 / 3) * side, area / 2);
+        }
+    return points;
+}
+
+/* Into how many pieces a side is cut, so that none is longer than DR_CONTACT_SPACING at rest. */
+static uint8_t count_pieces(const struct dr_mesh *mesh, size_t triangle)
+{
+    const double *rest = mesh->rest + 6 * triangle;
+    double longest = 0;
+    for (int k = 0; k < 3; k++) {
+        int next = (k + 1) % 3;
+        longest = fmax(longest, hypot(rest[2 * next] - rest[2 * k], rest[2 * next + 1] - rest[2 * k + 1]));
+    }
+    return (uint8_t)fmin(fmax(ceil(longest / DR_CONTACT_SPACING), 1), DR_CONTACT_MAX_PIECES);
+}
+
+/* Makes the patterns that the triangles need; false when out of memory. */
+static bool make_patterns(struct dr_contact *contact)
+{
+    bool used[DR_CONTACT_MAX_PIECES + 1] = {false};
+    for (size_t t = 0; t < contact->mesh->triangles; t++)
+        used[contact->pieces[t]] = true;
+    for (size_t n = 1; n <= DR_CONTACT_MAX_PIECES; n++)
+        contact->points += used[n] ? count_points(n) : 0;
+    contact->point = malloc((contact->points + 1) * sizeof *contact->point);
+    if (!contact->point)
+        return false;
+    struct point *next = contact->point;
+    for (size_t n = 1; n <= DR_CONTACT_MAX_PIECES; n++)
+        if (used[n]) {
+            contact->pattern[n] = (struct pattern){next, fill_pattern(n, next)};
+            next += contact->pattern[n].points;
+        }
+    return true;
+}
 
 /* ---- made and freed -------------------------------------------------------------------------- */
 
@@ -25,17 +106,24 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
         return dr_out_of_memory(reterr);
     contact->mesh = mesh;
     contact->bodies = bodies;
+    contact->samples = mesh->nodes;
     contact->body = calloc(bodies ? bodies : 1, sizeof(struct dr_body *));
     contact->node_area = calloc(mesh->nodes ? mesh->nodes : 1, sizeof *contact->node_area);
-    if (!contact->body || !contact->node_area) {
+    contact->pieces = malloc(mesh->triangles ? mesh->triangles : 1);
+    bool ok = contact->body && contact->node_area && contact->pieces;
+    for (size_t t = 0; ok && t < mesh->triangles; t++)
+        contact->pieces[t] = count_pieces(mesh, t);
+    if (!ok || !make_patterns(contact)) {
         dr_contact_free(contact);
         return dr_out_of_memory(reterr);
     }
     for (size_t b = 0; b < bodies; b++)
         contact->body[b] = body[b];
-    for (size_t t = 0; t < mesh->triangles; t++)
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        contact->samples += contact->pattern[contact->pieces[t]].points;
         for (int k = 0; k < 3; k++)
             contact->node_area[mesh->triangle[3 * t + (size_t)k]] += mesh->area[t] / 3;
+    }
     *ret = contact;
     return DRAPE_OK;
 }
@@ -45,6 +133,8 @@ struct dr_contact *dr_contact_free(struct dr_contact *contact)
     if (contact) {
         free(contact->body);
         free(contact->node_area);
+        free(contact->pieces);
+        free(contact->point);
         free(contact);
     }
     return NULL;
@@ -53,7 +143,8 @@ struct dr_contact *dr_contact_free(struct dr_contact *contact)
 size_t dr_contact_bytes(const struct dr_contact *contact)
 {
     return sizeof *contact + contact->bodies * sizeof(struct dr_body *) +
-           contact->mesh->nodes * sizeof *contact->node_area;
+           contact->mesh->nodes * sizeof *contact->node_area +
+           contact->mesh->triangles * sizeof *contact->pieces + contact->points * sizeof *contact->point;
 }
 
 /* ---- the penalty ----------------------------------------------------------------------------- */
@@ -91,17 +182,17 @@ static double node_stiffness(const struct dr_contact *contact, size_t node)
     return DR_CONTACT_STIFFNESS * contact->node_area[node] / 2;
 }
 
-static double centroid_stiffness(const struct dr_contact *contact, size_t triangle)
+static double point_stiffness(const struct dr_contact *contact, size_t triangle, const struct point *point)
 {
-    return DR_CONTACT_STIFFNESS * contact->mesh->area[triangle] / 2;
+    return DR_CONTACT_STIFFNESS * contact->mesh->area[triangle] * point->part;
 }
 
-static void centroid(const uint32_t corner[3], const double *x, double ret[3])
+static void locate(const struct point *point, const uint32_t corner[3], const double *x, double ret[3])
 {
     const double *a = x + 3 * (size_t)corner[0], *b = x + 3 * (size_t)corner[1],
                  *c = x + 3 * (size_t)corner[2];
     for (int d = 0; d < 3; d++)
-        ret[d] = (a[d] + b[d] + c[d]) / 3;
+        ret[d] = point->share[0] * a[d] + point->share[1] * b[d] + point->share[2] * c[d];
 }
 
 /* Energy of one sample against all bodies; its gradient is written to g. */
@@ -132,11 +223,14 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
     }
     for (size_t t = 0; t < mesh->triangles; t++) {
         const uint32_t *corner = mesh->triangle + 3 * t;
-        centroid(corner, x, at);
-        energy += sample_energy(contact, at, centroid_stiffness(contact, t), sample);
-        for (int k = 0; g && k < 3; k++)
-            for (int d = 0; d < 3; d++)
-                g[3 * (size_t)corner[k] + (size_t)d] += sample[d] / 3;
+        const struct pattern *pattern = contact->pattern + contact->pieces[t];
+        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+            locate(p, corner, x, at);
+            energy += sample_energy(contact, at, point_stiffness(contact, t, p), sample);
+            for (int k = 0; g && k < 3; k++)
+                for (int d = 0; d < 3; d++)
+                    g[3 * (size_t)corner[k] + (size_t)d] += p->share[k] * sample[d];
+        }
     }
     return energy;
 }
@@ -166,12 +260,14 @@ void dr_contact_loads(const struct dr_contact *contact, const double *x, const d
     for (size_t v = 0; v < mesh->nodes; v++)
         add_load(contact, x + 3 * v, node_stiffness(contact, v), 1, own[v], rest[v], load + 3 * v, grip + v);
     for (size_t t = 0; t < mesh->triangles; t++) {
-        double at[3];
-        centroid(mesh->triangle + 3 * t, x, at);
-        for (int k = 0; k < 3; k++) {
-            uint32_t v = mesh->triangle[3 * t + (size_t)k];
-            add_load(contact, at, centroid_stiffness(contact, t), 1.0 / 3, own[v], rest[v],
-                     load + 3 * (size_t)v, grip + v);
+        const uint32_t *corner = mesh->triangle + 3 * t;
+        const struct pattern *pattern = contact->pattern + contact->pieces[t];
+        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+            double at[3];
+            locate(p, corner, x, at);
+            for (int k = 0; k < 3; k++)
+                add_load(contact, at, point_stiffness(contact, t, p), p->share[k], own[corner[k]],
+                         rest[corner[k]], load + 3 * (size_t)corner[k], grip + corner[k]);
         }
     }
 }
@@ -199,14 +295,14 @@ static bool sample_hessian(const struct dr_contact *contact, const double x[3], 
     return any;
 }
 
-/* A centroid moves by a third of each corner's move: every pair of corners gets a ninth of H. */
-static void add_centroid(struct dr_matrix *A, size_t t, const double H[6])
+/* Each pair of corners gets H times the product of the point's shares in their moves. */
+static void add_point(struct dr_matrix *A, size_t t, const struct point *point, const double H[6])
 {
     static const int entry[3][3] = {{0, 1, 3}, {1, 2, 4}, {3, 4, 5}};
     double block[9][9];
     for (int i = 0; i < 9; i++)
         for (int j = 0; j < 9; j++)
-            block[i][j] = H[entry[i % 3][j % 3]] / 9;
+            block[i][j] = point->share[i / 3] * point->share[j / 3] * H[entry[i % 3][j % 3]];
     dr_matrix_add_triangle(A, t, (const double(*)[9])block);
 }
 
@@ -219,9 +315,12 @@ void dr_contact_hessian(const struct dr_contact *contact, const double *x, doubl
         if (sample_hessian(contact, x + 3 * v, node_stiffness(contact, v), curvature, H))
             dr_matrix_add_node(A, (uint32_t)v, H);
     for (size_t t = 0; t < mesh->triangles; t++) {
-        centroid(mesh->triangle + 3 * t, x, at);
-        if (sample_hessian(contact, at, centroid_stiffness(contact, t), curvature, H))
-            add_centroid(A, t, H);
+        const struct pattern *pattern = contact->pattern + contact->pieces[t];
+        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+            locate(p, mesh->triangle + 3 * t, x, at);
+            if (sample_hessian(contact, at, point_stiffness(contact, t, p), curvature, H))
+                add_point(A, t, p, H);
+        }
     }
 }
 
@@ -229,7 +328,7 @@ void dr_contact_hessian(const struct dr_contact *contact, const double *x, doubl
 
 size_t dr_contact_samples(const struct dr_contact *contact)
 {
-    return (contact->mesh->nodes + contact->mesh->triangles) * contact->bodies;
+    return contact->samples * contact->bodies;
 }
 
 static void visit_bodies(const struct dr_contact *contact, const double x[3], struct dr_sample *sample,
@@ -249,16 +348,21 @@ void dr_contact_each(const struct dr_contact *contact, const double *x,
     const struct dr_mesh *mesh = contact->mesh;
     for (size_t v = 0; v < mesh->nodes; v++) {
         struct dr_sample sample = {.node = {(uint32_t)v, (uint32_t)v, (uint32_t)v},
+                                   .share = {1, 0, 0},
                                    .stiffness = node_stiffness(contact, v)};
         visit_bodies(contact, x + 3 * v, &sample, visit, data);
     }
     for (size_t t = 0; t < mesh->triangles; t++) {
         const uint32_t *corner = mesh->triangle + 3 * t;
-        struct dr_sample sample = {.node = {corner[0], corner[1], corner[2]},
-                                   .stiffness = centroid_stiffness(contact, t)};
-        double at[3];
-        centroid(corner, x, at);
-        visit_bodies(contact, at, &sample, visit, data);
+        const struct pattern *pattern = contact->pattern + contact->pieces[t];
+        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+            struct dr_sample sample = {.node = {corner[0], corner[1], corner[2]},
+                                       .share = {p->share[0], p->share[1], p->share[2]},
+                                       .stiffness = point_stiffness(contact, t, p)};
+            double at[3];
+            locate(p, corner, x, at);
+            visit_bodies(contact, at, &sample, visit, data);
+        }
     }
 }
 

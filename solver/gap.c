@@ -77,7 +77,7 @@ static void take(const struct dr_sample *sample, void *data)
                         .stiffness = sample->stiffness};
     for (int k = 0; k < 3; k++) {
         gap->node[k] = sample->node[k];
-        gap->weight[k] = 1.0 / 3;
+        gap->weight[k] = sample->share[k];
         gap->n[k] = sample->n[k];
     }
     gap->first = dr_penalty(gap->stiffness, gap->offset, gap->depth);

@@ -160,7 +160,7 @@ static const drape_body ground = {
 /* A patch of 0.1 m and 0.2 kg/m^2 that lies on the ground. */
 static struct setup *patch(enum grid_kind kind)
 {
-    struct setup *setup = setup_new(grid_new(kind, 8, 8, 0.1, 0.1, 0), isotropic(0.2, 400, 1e-4));
+    struct setup *setup = setup_new(grid_new(kind, 12, 12, 0.1, 0.1, 0), isotropic(0.2, 400, 1e-4));
     for (size_t i = 0; i < setup->grid.vertices; i++)
         setup->x[3 * i + 1] = 0.0029;
     setup->desc.body = &ground;

@@ -120,7 +120,7 @@ static void test_contact__flat_cloth_over_a_plane_has_the_closed_form(void **sta
 {
     (void)state;
     static const double height[] = {0.005, 0.004, 0.0039, 0.003, 0.002, 0.001, 0, -0.05};
-    struct dr_mesh *mesh = square_mesh(5, 0.2);
+    struct dr_mesh *mesh = square_mesh(25, 0.2);
     struct dr_body *body = make_body(ground);
     struct dr_contact *contact = make_contact(mesh, &body, 1);
     for (size_t i = 0; i < sizeof height / sizeof *height; i++) {
@@ -134,10 +134,55 @@ static void test_contact__flat_cloth_over_a_plane_has_the_closed_form(void **sta
     dr_mesh_free(mesh);
 }
 
+/* Cut into n^2 pieces a triangle has its corners' weight of a half and 1 - 1/(2 n^2) more. */
+static void test_contact__long_triangles_are_sampled_like_short_ones(void **state)
+{
+    (void)state;
+    static const struct {
+        double longest;
+        int pieces;
+    } cases[] = {{0.99, 1}, {1.01, 2}, {2.01, 3}, {2.99, 3}, {6.01, 7}, {7.01, 8}, {20, 8}};
+    struct dr_body *body = make_body(ground);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        double edge = cases[i].longest * DR_CONTACT_SPACING / sqrt(2), n = cases[i].pieces;
+        struct dr_mesh *mesh = square_mesh(1, edge);
+        struct dr_contact *contact = make_contact(mesh, &body, 1);
+        double *x = place(mesh, edge, 0.002, 0);
+        double whole = KAPPA * edge * edge * psi(ground.offset - 0.002, ground.offset / 2);
+        assert_close(dr_contact_energy(contact, x, NULL), whole * (1.5 - 0.5 / (n * n)), 1e-12);
+        assert_int_equal(dr_contact_samples(contact), 4 + 2 * ((n + 1) * (n + 2) / 2 - 3 + n * n));
+        free(x);
+        dr_contact_free(contact);
+        dr_mesh_free(mesh);
+    }
+    dr_body_free(body);
+}
+
+/* A ball of 5 mm under a square of 60 mm, wherever it stands, is felt before it comes through. */
+static void test_contact__nothing_comes_through_between_the_corners(void **state)
+{
+    (void)state;
+    struct dr_mesh *mesh = square_mesh(1, 0.06);
+    double *x = place(mesh, 0.06, 0.0052, 0);
+    for (int i = 0; i < 400; i++) {
+        drape_body small = ball;
+        small.radius = 0.005;
+        small.point[0] = 0.003 * (i % 20 - 9.5);
+        small.point[2] = 0.003 * (i / 20 - 9.5);
+        struct dr_body *body = make_body(small);
+        struct dr_contact *contact = make_contact(mesh, &body, 1);
+        assert_true(dr_contact_energy(contact, x, NULL) > 0);
+        dr_contact_free(contact);
+        dr_body_free(body);
+    }
+    free(x);
+    dr_mesh_free(mesh);
+}
+
 static void test_contact__each_body_acts_at_its_own_offset(void **state)
 {
     (void)state;
-    struct dr_mesh *mesh = square_mesh(3, 0.1);
+    struct dr_mesh *mesh = square_mesh(12, 0.1);
     drape_body wide = ground;
     wide.offset = 0.01;
     struct dr_body *body[2] = {make_body(ground), make_body(wide)};
@@ -176,7 +221,7 @@ static void test_contact__every_allocation_may_fail(void **state)
 #ifdef CAN_FAIL_ALLOCATIONS
     struct dr_mesh *mesh = square_mesh(2, 0.1);
     struct dr_body *body = make_body(ground);
-    for (long n = 0; n < 3; n++) {
+    for (long n = 0; n < 5; n++) {
         struct dr_contact *contact = NULL;
         drape_error error;
         long before = held;
@@ -227,7 +272,7 @@ static void test_contact__the_penalty_is_twice_differentiable(void **state)
 {
     (void)state;
     const double w = ground.offset / 2, joint[2] = {0, w}, step = 1e-7;
-    struct dr_mesh *mesh = square_mesh(1, 0.1);
+    struct dr_mesh *mesh = square_mesh(1, 0.009);
     struct dr_body *body = make_body(ground);
     struct dr_contact *contact = make_contact(mesh, &body, 1);
     for (int k = 0; k < 2; k++) {
@@ -236,9 +281,9 @@ static void test_contact__the_penalty_is_twice_differentiable(void **state)
             double slope_at[2];
             for (int i = 0; i < 2; i++) { /* at one and two steps to this side of the joint */
                 double s = joint[k] + (side ? 1 : -1) * (i + 1) * step, g[12] = {0};
-                double *x = place(mesh, 0.1, ground.offset - s, 0);
-                energy[side] = dr_contact_energy(contact, x, g) / (KAPPA * 0.01);
-                slope_at[i] = -(g[1] + g[4] + g[7] + g[10]) / (KAPPA * 0.01); /* d/ds = -d/dy */
+                double *x = place(mesh, 0.009, ground.offset - s, 0);
+                energy[side] = dr_contact_energy(contact, x, g) / (KAPPA * 0.009 * 0.009);
+                slope_at[i] = -(g[1] + g[4] + g[7] + g[10]) / (KAPPA * 0.009 * 0.009); /* d/ds = -d/dy */
                 free(x);
             }
             slope_[side] = slope_at[0];
@@ -256,9 +301,9 @@ static void test_contact__the_penalty_is_twice_differentiable(void **state)
 
 /* ---- derivatives ----------------------------------------------------------------------------- */
 
-static void check_gradient(struct dr_body **body, size_t bodies, double height)
+static void check_gradient(struct dr_body **body, size_t bodies, size_t cells, double height)
 {
-    struct dr_mesh *mesh = square_mesh(8, 0.12);
+    struct dr_mesh *mesh = square_mesh(cells, 0.12);
     struct dr_contact *contact = make_contact(mesh, body, bodies);
     double *x = place(mesh, 0.12, height, 0.002), *g = calloc(3 * mesh->nodes, sizeof *g), largest = 0;
     const double step = 1e-6, before = 3.5;
@@ -288,12 +333,14 @@ static void test_contact__gradients_are_derivatives(void **state)
     (void)state;
     struct dr_body *body[5] = {make_body(ground), make_body(slope), make_body(wire), make_body(ball),
                                make_sphere_mesh(0.05, 0.003)};
-    check_gradient(&body[0], 1, 0.002);
-    check_gradient(&body[1], 1, 0);
-    check_gradient(&body[2], 1, 0.002);
-    check_gradient(&body[3], 1, 0.049);
-    check_gradient(&body[4], 1, 0.049);
-    check_gradient(body, 5, 0.003);
+    for (size_t cells = 3; cells <= 14; cells += 11) { /* of 40 mm, cut into pieces, and of 9 mm */
+        check_gradient(&body[0], 1, cells, 0.002);
+        check_gradient(&body[1], 1, cells, 0);
+        check_gradient(&body[2], 1, cells, 0.002);
+        check_gradient(&body[3], 1, cells, 0.049);
+        check_gradient(&body[4], 1, cells, 0.049);
+        check_gradient(body, 5, cells, 0.003);
+    }
     for (int b = 0; b < 5; b++)
         dr_body_free(body[b]);
 }
@@ -638,6 +685,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_contact__flat_cloth_over_a_plane_has_the_closed_form),
+        cmocka_unit_test(test_contact__long_triangles_are_sampled_like_short_ones),
+        cmocka_unit_test(test_contact__nothing_comes_through_between_the_corners),
         cmocka_unit_test(test_contact__each_body_acts_at_its_own_offset),
         cmocka_unit_test(test_contact__without_bodies_there_is_nothing),
         cmocka_unit_test(test_contact__every_allocation_may_fail),
