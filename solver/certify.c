@@ -189,7 +189,7 @@ static bool descend(struct dr_state *s, double predicted)
 static drape_status factorise(struct polish *p, double shift, bool *ret_definite, drape_error *reterr)
 {
     struct dr_state *s = p->s;
-    dr_stretch_stress(s->cloth->stretch, s->x, NULL, s->cloth->stress);
+    dr_cloth_stress(s->cloth, s->x, NULL);
     dr_matrix_set_base(s->cloth->A, shift);
     return dr_state_factorise(s, 1, ret_definite, reterr);
 }

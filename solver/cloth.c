@@ -53,14 +53,59 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
     return status;
 }
 
+/* Elastics, folds and tacks; the first two have links behind the plan's own. */
+static drape_status new_lines(const struct dr_cloth_plan *plan, struct dr_cloth *cloth, drape_error *reterr)
+{
+    const drape_scene *scene = plan->scene;
+    size_t link = plan->links;
+    drape_status status = DRAPE_OK;
+    if (plan->elastics) {
+        status = dr_elastic_new(scene->bar, scene->bars, link, plan->matrix != DR_MATRIX_NONE,
+                                &cloth->elastic, reterr);
+        link += scene->bars;
+    }
+    if (status >= 0 && plan->folds)
+        status = dr_fold_new(scene->hinge, scene->hinges, link, &cloth->fold, reterr);
+    if (status >= 0 && plan->tacks)
+        status = dr_tacks_new(scene->tack, scene->tacks, plan->mesh == scene->pieces, &cloth->tacks, reterr);
+    return status;
+}
+
+/* The plan's links, then those of the elastics and folds, into *ret, which the caller frees; NULL where the
+ * plan's alone are all. */
+static drape_status join_links(const struct dr_cloth_plan *plan, uint32_t **ret, size_t *ret_links,
+                               drape_error *reterr)
+{
+    const drape_scene *scene = plan->scene;
+    size_t bars = plan->elastics ? scene->bars : 0, hinges = plan->folds ? scene->hinges : 0;
+    *ret = NULL;
+    *ret_links = plan->links + bars + DR_HINGE_LINKS * hinges;
+    if (*ret_links == plan->links)
+        return DRAPE_OK;
+    uint32_t *next = *ret = malloc(2 * *ret_links * sizeof *next);
+    if (!next)
+        return dr_out_of_memory(reterr);
+    if (plan->links)
+        memcpy(next, plan->link, 2 * plan->links * sizeof *next);
+    next += 2 * plan->links;
+    for (size_t i = 0; i < bars; i++, next += 2)
+        memcpy(next, scene->bar[i].node, sizeof scene->bar[i].node);
+    for (size_t i = 0; i < hinges; i++, next += 2 * DR_HINGE_LINKS)
+        dr_hinge_links(scene->hinge + i, next);
+    return DRAPE_OK;
+}
+
 static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth *cloth, drape_error *reterr)
 {
-    drape_status status = DRAPE_OK;
-    if (plan->bend)
+    uint32_t *link;
+    size_t links;
+    drape_status status = join_links(plan, &link, &links, reterr);
+    if (status >= 0 && plan->bend)
         status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &cloth->stiffness, reterr);
     if (status >= 0)
-        status = dr_matrix_new(plan->mesh, cloth->stiffness, plan->link, plan->links,
+        status = dr_matrix_new(plan->mesh, cloth->stiffness, link ? link : plan->link, links,
                                plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, &cloth->A, reterr);
+    free(link);
     return status;
 }
 
@@ -73,6 +118,8 @@ drape_status dr_cloth_new(const struct dr_cloth_plan *plan, const double *start,
     cloth->mesh = plan->mesh;
     cloth->bend = plan->bend;
     drape_status status = new_terms(plan, start, cloth, reterr);
+    if (status >= 0)
+        status = new_lines(plan, cloth, reterr);
     if (status >= 0 && plan->matrix != DR_MATRIX_NONE)
         status = new_matrix(plan, cloth, reterr);
     if (status < 0)
@@ -92,6 +139,9 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
             dr_self_free(cloth->self);
         dr_friction_free(cloth->friction);
         dr_contact_free(cloth->contact);
+        dr_tacks_free(cloth->tacks);
+        dr_fold_free(cloth->fold);
+        dr_elastic_free(cloth->elastic);
         dr_stretch_free(cloth->stretch);
         free(cloth->start);
         free(cloth->stress);
@@ -113,6 +163,12 @@ void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS])
         bytes[DR_TERM_FRICTION] += dr_friction_bytes(cloth->friction);
     if (cloth->self)
         bytes[DR_TERM_SELF_CONTACT] += dr_self_bytes(cloth->self);
+    if (cloth->elastic)
+        bytes[DR_TERM_ELASTICS] += dr_elastic_bytes(cloth->elastic);
+    if (cloth->fold)
+        bytes[DR_TERM_FOLDS] += dr_fold_bytes(cloth->fold);
+    if (cloth->tacks)
+        bytes[DR_TERM_TACKS] += dr_tacks_bytes(cloth->tacks);
     if (cloth->A)
         bytes[DR_TERM_JACOBIAN] += dr_matrix_bytes(cloth->A);
     if (cloth->stiffness)
@@ -149,6 +205,12 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
         ret->contact += dr_friction_energy(cloth->friction, x, f);
     if (cloth->self)
         ret->contact += dr_self_energy(cloth->self, x, f);
+    if (cloth->elastic)
+        ret->stretch += dr_elastic_energy(cloth->elastic, x, f);
+    if (cloth->fold)
+        ret->bend += dr_fold_energy(cloth->fold, x, f);
+    if (cloth->tacks)
+        ret->contact += dr_tacks_energy(cloth->tacks, x, f);
     ret->gravity = 0;
     if (cloth->start)
         ret->gravity = add_gravity(cloth, x, f);
@@ -157,6 +219,13 @@ double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_ener
             f[i] = -f[i];
     ret->potential = ret->stretch + ret->bend + ret->contact + ret->gravity;
     return ret->potential;
+}
+
+void dr_cloth_stress(struct dr_cloth *cloth, const double *x, const double *w)
+{
+    dr_stretch_stress(cloth->stretch, x, w, cloth->stress);
+    if (cloth->elastic)
+        dr_elastic_tension(cloth->elastic, x, w);
 }
 
 /* Gives the matrix a place for every pair of nodes that touch one another at x. */
@@ -184,6 +253,12 @@ drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double i
         dr_friction_hessian(cloth->friction, x, indefinite, cloth->A);
     if (cloth->self)
         dr_self_hessian(cloth->self, x, indefinite, cloth->A);
+    if (cloth->elastic)
+        dr_elastic_hessian(cloth->elastic, x, indefinite, cloth->A);
+    if (cloth->fold)
+        dr_fold_hessian(cloth->fold, x, indefinite, cloth->A);
+    if (cloth->tacks)
+        dr_tacks_hessian(cloth->tacks, cloth->A);
     return DRAPE_OK;
 }
 
@@ -204,6 +279,24 @@ double dr_cloth_held(const struct dr_cloth *cloth, const double *x)
 {
     return (cloth->friction ? dr_friction_energy(cloth->friction, x, NULL) : 0) +
            (cloth->self ? dr_self_held(cloth->self, x) : 0);
+}
+
+void dr_cloth_left_out(const struct dr_cloth *cloth, const double *x, const double *p, double *q)
+{
+    dr_stretch_left_out(cloth->stretch, x, cloth->stress, p, q);
+    if (cloth->elastic)
+        dr_elastic_left_out(cloth->elastic, x, p, q);
+    if (cloth->fold)
+        dr_fold_left_out(cloth->fold, x, p, q);
+}
+
+double dr_cloth_second_order(const struct dr_cloth *cloth, const double *x, const double *w,
+                             double *ret_strain)
+{
+    double energy = dr_stretch_second_order(cloth->stretch, x, w, ret_strain);
+    if (cloth->elastic)
+        energy += dr_elastic_second_order(cloth->elastic, x, w);
+    return energy;
 }
 
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f)

@@ -5,16 +5,22 @@
 #ifndef DR_CLOTH_H
 #define DR_CLOTH_H
 
+#include "elastic.h"
+#include "fold.h"
 #include "friction.h"
 #include "matrix.h"
 #include "plan.h"
 #include "self.h"
 #include "stretch.h"
+#include "tack.h"
 
 struct dr_cloth {
     const struct dr_mesh *mesh;
     const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
+    struct dr_elastic *elastic;          /* NULL: left out */
+    struct dr_fold *fold;                /* NULL: left out */
+    struct dr_tacks *tacks;              /* NULL: left out */
     struct dr_contact *contact;          /* NULL: left out */
     struct dr_friction *friction;        /* NULL: left out */
     struct dr_self *self;                /* NULL: left out */
@@ -37,10 +43,14 @@ void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS]);
  * entries of held nodes are reactions). Returns the potential energy. */
 double dr_cloth_energy(const struct dr_cloth *cloth, const double *x, drape_energies *ret, double *f);
 
-/* A = base (see dr_matrix_set_base) + the Hessian at x, with the geometric stiffness of cloth->stress:
- * its tensile part and `indefinite` times its compressive part and the bodies' curvature. 0: positive
- * semi-definite; 1, with the stress at x: the true Hessian (see dr_stretch_hessian, dr_contact_hessian,
- * dr_self_hessian). New contacts of cloth with itself change the pattern, which is then analysed anew. */
+/* The stress that the geometric stiffness is built from: at x, or with w (else NULL) what the linear step w
+ * predicts; of the triangles into cloth->stress, of elastics into their own place. */
+void dr_cloth_stress(struct dr_cloth *cloth, const double *x, const double *w);
+
+/* A = base (see dr_matrix_set_base) + the Hessian at x, with the geometric stiffness of dr_cloth_stress:
+ * its tensile part and `indefinite` times its compressive part, the folds' and the bodies' curvature. 0:
+ * positive semi-definite; 1, with the stress at x: the true Hessian (see dr_stretch_hessian and so on). New
+ * contacts of cloth with itself change the pattern, which is then analysed anew. */
 drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
                                drape_error *reterr);
 
@@ -49,6 +59,14 @@ drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double i
 bool dr_cloth_has_anchors(const struct dr_cloth *cloth);
 void dr_cloth_renew_anchors(struct dr_cloth *cloth, const double *x);
 double dr_cloth_held(const struct dr_cloth *cloth, const double *x);
+
+/* q += (H(1) - H(0)) p of stretch, elastics and folds (not of bodies), H(indefinite) being what
+ * dr_cloth_assemble adds. p and q are 3*nodes. */
+void dr_cloth_left_out(const struct dr_cloth *cloth, const double *x, const double *p, double *q);
+
+/* What a linear step w from x gets wrong about stretch, elastics included: see dr_stretch_second_order. */
+double dr_cloth_second_order(const struct dr_cloth *cloth, const double *x, const double *w,
+                             double *ret_strain);
 
 /* max over free nodes of |f_i|, N; NaN if any is. */
 double dr_cloth_largest_force(const struct dr_cloth *cloth, const double *f);

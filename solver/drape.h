@@ -57,6 +57,11 @@ typedef enum drape_place {
     DRAPE_AT_BODY,              /* body; `member` names the field, if any */
     DRAPE_AT_BODY_VERTEX,       /* vertex of body number `body` */
     DRAPE_AT_BODY_TRIANGLE,     /* triangle of body number `body` */
+    DRAPE_AT_ELASTIC,           /* elastic; `member` names the field */
+    DRAPE_AT_ELASTIC_EDGE,      /* edge of elastic number `body` */
+    DRAPE_AT_FOLD,              /* fold; `member` names the field */
+    DRAPE_AT_FOLD_EDGE,         /* edge of fold number `body` */
+    DRAPE_AT_TACK,              /* tack; `member` names the field, if any */
     DRAPE_AT_SCENE,             /* a scalar of the scene; `member` names it */
     DRAPE_AT_OPTION             /* a member of drape_options; `member` names it */
 } drape_place;
@@ -65,7 +70,7 @@ typedef struct drape_error {
     drape_status status;
     drape_place place;
     int64_t element;    /* index into the array of `place`; -1: none */
-    int64_t body;       /* body number for DRAPE_AT_BODY_*; -1: none */
+    int64_t body;       /* body number for DRAPE_AT_BODY_*, line number for *_EDGE; -1: none */
     const char *member; /* static string, the C member's name; NULL: none */
     char message[160];  /* one line, no full stop, does not repeat the place */
 } drape_error;
@@ -106,6 +111,8 @@ typedef struct drape_material {
     double bend_twist;    /* N m, >= 0; an isotropic plate of Poisson ratio 0 has half of bend_weft */
     drape_curve curve_weft, curve_warp, curve_shear; /* errors name them as stretch_weft and so on */
     double friction; /* Coulomb's coefficient against bodies, to DRAPE_MAX_FRICTION; 0: the bodies' own */
+    double shrink_weft, shrink_warp; /* how much shorter it rests than it was cut, +-DRAPE_MAX_SHRINK of the
+                                      * pattern; strains are told from there, and it weighs what was cut; 0 */
 } drape_material;
 
 /* A closed mesh as a signed distance, which takes about a second to build for 27 000 triangles. Immutable,
@@ -151,6 +158,44 @@ typedef enum drape_self_contact {
     DRAPE_SELF_CONTACT_OFF
 } drape_self_contact;
 
+/* A tape along edges of the cloth: a bar on each, of rest length R = factor times the edge's pattern length
+ * (as cut), with the energy stiffness R/2 (l/R - 1)^2 at length l. It pulls with `stiffness` newtons per unit
+ * of elongation, however fine the mesh, and pushes alike where it is longer than the cloth. */
+typedef struct drape_elastic {
+    const uint32_t *edge; /* 2*edges: vertices that are two corners of one triangle; one named twice has two
+                           * bars */
+    size_t edges;
+    double factor;    /* DRAPE_MIN_FACTOR to DRAPE_MAX_FACTOR: below 1 it gathers, above it flares */
+    double stiffness; /* N, DRAPE_MIN_MATERIAL to DRAPE_MAX_MATERIAL */
+} drape_elastic;
+
+/* A crease or pleat along edges that have cloth on both sides, seams included. `angle` is the angle between
+ * the normals of the two sides that the fold wants, positive where the edge is a mountain seen from where the
+ * normals point (where a seam joins cloth of unlike orientation, from the side whose vertices are named).
+ * Energy per metre: stiffness/2 (angle - rest)^2, in series with the bending of the cloth between the edge
+ * and the middles of its two triangles. Bending passes no moment across a fold: it is the only spring there.
+ * Angles are told apart over a whole turn around rest/2, so that a fold of 180 degrees reaches past itself to
+ * 270, and back to -90. */
+typedef struct drape_fold {
+    const uint32_t *edge; /* 2*edges, as of an elastic */
+    size_t edges;
+    double angle;     /* rad, -pi to pi */
+    double stiffness; /* N m per rad and metre of edge, DRAPE_MIN_MATERIAL to DRAPE_MAX_MATERIAL */
+} drape_fold;
+
+/* A stitch that holds a cloth vertex at a point of a body by DRAPE_TACK_STIFFNESS. A point that lies nearer
+ * to the surface than the body's offset, or within DRAPE_REACH below it, is lifted to the offset, where cloth
+ * can lie. Cloth starts wherever it likes and is pulled there; sewing pulls, too. */
+typedef struct drape_tack {
+    uint32_t vertex;
+    uint32_t body;
+    uint32_t triangle;     /* of a MESH, whose points `barycentric` tells; DRAPE_NO_TRIANGLE: `point` */
+    double barycentric[2]; /* weights of the triangle's first two corners, >= 0 and at most 1 together */
+    double point[3];       /* m; read without a triangle */
+} drape_tack;
+
+#define DRAPE_NO_TRIANGLE UINT32_MAX
+
 /* All arrays, the points of curves too, are the caller's and are copied; none need outlive
  * drape_scene_new. */
 typedef struct drape_scene_desc {
@@ -164,10 +209,14 @@ typedef struct drape_scene_desc {
     const drape_material *material;    /* materials, at least one */
     const uint32_t *triangle_material; /* triangles; NULL: material 0 everywhere */
     const drape_body *body;            /* bodies; NULL if none */
-    double gravity[3];                 /* m/s^2 */
-    drape_self_contact self_contact;   /* DRAPE_SELF_CONTACT_AUTO */
-    double thickness;                  /* m: cloth feels cloth this far away, from middle to middle;
-                                        * DRAPE_MIN_THICKNESS to DRAPE_MAX_THICKNESS */
+    size_t elastics, folds, tacks;
+    const drape_elastic *elastic;    /* elastics; NULL if none */
+    const drape_fold *fold;          /* folds; NULL if none */
+    const drape_tack *tack;          /* tacks, not of pinned vertices; NULL if none */
+    double gravity[3];               /* m/s^2 */
+    drape_self_contact self_contact; /* DRAPE_SELF_CONTACT_AUTO */
+    double thickness;                /* m: cloth feels cloth this far away, from middle to middle;
+                                      * DRAPE_MIN_THICKNESS to DRAPE_MAX_THICKNESS */
 } drape_scene_desc;
 
 /* A description with no arrays, the default gravity 0 -9.81 0 and the default thickness. */
@@ -187,6 +236,10 @@ drape_scene_desc drape_scene_desc_default(void);
 #define DRAPE_MAX_TRIANGLES 2000000
 #define DRAPE_MAX_BODIES    16
 
+/* Elastics, and folds, of a scene; and the edges of all of either together. */
+#define DRAPE_MAX_LINES      10000
+#define DRAPE_MAX_LINE_EDGES 1000000
+
 /* How far from its surface a body is resolved (m): what is farther away neither feels nor measures it. */
 #define DRAPE_REACH 0.03
 
@@ -200,6 +253,14 @@ drape_scene_desc drape_scene_desc_default(void);
 
 /* Cloth on skin has 0.2 to 0.6; ten times that is glue. */
 #define DRAPE_MAX_FRICTION 10
+
+/* Rest length of an elastic over its edges' pattern length, and the part that cloth may shrink or give by. */
+#define DRAPE_MIN_FACTOR 0.1
+#define DRAPE_MAX_FACTOR 2
+#define DRAPE_MAX_SHRINK 0.5
+
+/* N/m: a kilogram hangs 0.1 mm below its tack, and skin's penalty moves it by hundredths. */
+#define DRAPE_TACK_STIFFNESS 1e5
 
 /* Everything that drape_scene_new would refuse except what only building the bodies' distance
  * fields can tell; costs O(n log n) time in the input. For the border of a service. */
@@ -238,9 +299,10 @@ typedef enum drape_stop_rule {
 } drape_stop_rule;
 
 typedef struct drape_energies { /* joules */
-    double stretch, bend;
-    double gravity; /* relative to the start */
-    double contact; /* the penalty, and what friction has stored */
+    double stretch;             /* elastics included */
+    double bend;                /* folds included */
+    double gravity;             /* relative to the start */
+    double contact;             /* the penalty, what friction has stored, and the tacks */
     double kinetic;
     double potential; /* stretch + bend + gravity + contact */
 } drape_energies;
@@ -355,7 +417,7 @@ typedef struct drape_term {
     const char *reason; /* static string: "no body in the scene"; "" when kept */
 } drape_term;
 
-#define DRAPE_MAX_TERMS 16
+#define DRAPE_MAX_TERMS 24
 
 /* What became of options.certify. From rest, Newton on the true Hessian H (bodies included) goes on to
  * round-off; there Cholesky of H less a bound of its own round-off proves a strict local minimum. Where H has

@@ -269,8 +269,10 @@ static bool analyse(struct dr_matrix *A)
     return A->w && A->e;
 }
 
-/* Numbers the free nodes, lays out the columns and has CHOLMOD analyse them. */
-static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr)
+/* Numbers the free nodes, lays out the columns and has CHOLMOD analyse them. The first `named` links can be
+ * added to by number. */
+static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t links, size_t named,
+                          drape_error *reterr)
 {
     struct pairs pairs = {NULL, 0};
     A->mass_factor = NAN;
@@ -297,7 +299,7 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
     free(pairs.key);
     pairs.key = NULL;
     bool built = ordered && collect_pairs(A->mesh, A->bend, link, links, A->row, &pairs) &&
-                 build_columns(A, &pairs) && build_slots(A, link, links) && analyse(A);
+                 build_columns(A, &pairs) && build_slots(A, link, named) && analyse(A);
     free(pairs.key);
     return built ? DRAPE_OK : dr_out_of_memory(reterr);
 }
@@ -332,7 +334,7 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     A->mesh = mesh;
     A->bend = bend;
     A->factor = factor;
-    drape_status status = build(A, link, links, reterr);
+    drape_status status = build(A, link, links, links, reterr);
     if (status < 0)
         dr_matrix_free(A);
     else
@@ -343,8 +345,17 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr)
 {
     double mass_factor = A->mass_factor;
+    size_t named = A->links, bytes = 2 * (named + links) * sizeof *link;
+    uint32_t *joined = malloc(bytes ? bytes : 1);
+    if (!joined)
+        return dr_out_of_memory(reterr);
+    if (named)
+        memcpy(joined, A->link_node, 2 * named * sizeof *joined);
+    if (links)
+        memcpy(joined + 2 * named, link, 2 * links * sizeof *joined);
     raze(A);
-    drape_status status = build(A, link, links, reterr);
+    drape_status status = build(A, joined, named + links, named, reterr);
+    free(joined);
     if (status >= 0 && !isnan(mass_factor))
         dr_matrix_set_base(A, mass_factor);
     return status;
@@ -398,8 +409,8 @@ static void add_scalar(double *value, struct slot slot, double scalar)
     first[2 * length - 1] += scalar;
 }
 
-/* Adds the 3x3 block at H (row stride 9) to an off-diagonal slot. */
-static void add_block(double *value, struct slot slot, const double *H)
+/* Adds the 3x3 block at H, its rows `stride` apart, to an off-diagonal slot. */
+static inline void add_block(double *value, struct slot slot, const double *H, const size_t stride)
 {
     int length = (int)(slot.length & ~TRANSPOSED);
     if (!length)
@@ -408,14 +419,14 @@ static void add_block(double *value, struct slot slot, const double *H)
     if (slot.length & TRANSPOSED) {
         for (int r = 0; r < 3; r++) {
             c0[r] += H[r];
-            c1[r] += H[9 + r];
-            c2[r] += H[18 + r];
+            c1[r] += H[stride + (size_t)r];
+            c2[r] += H[2 * stride + (size_t)r];
         }
     } else {
-        for (int r = 0; r < 3; r++) {
-            c0[r] += H[9 * r];
-            c1[r] += H[9 * r + 1];
-            c2[r] += H[9 * r + 2];
+        for (size_t r = 0; r < 3; r++) {
+            c0[r] += H[stride * r];
+            c1[r] += H[stride * r + 1];
+            c2[r] += H[stride * r + 2];
         }
     }
 }
@@ -469,7 +480,7 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
         return;
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < a; b++)
-            add_block(value, *slot++, &H[3 * a][3 * b]);
+            add_block(value, *slot++, &H[3 * a][3 * b], 9);
         const double *d0 = &H[3 * a][3 * a], *d1 = d0 + 9, *d2 = d1 + 9;
         add_diagonal(value, *slot++, d0[0], d1[0], d1[1], d2[0], d2[1], d2[2]);
     }
@@ -486,7 +497,7 @@ bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b)
     return A->block_row[block] == (row < column ? column : row);
 }
 
-void dr_matrix_add_pair(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
+void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
 {
     double block[3][9];
     for (int r = 0; r < 3; r++)
@@ -502,6 +513,12 @@ void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)
     dr_matrix_add_node(A, A->link_node[2 * i + 1], H);
     if (A->free)
         add_scalar(A->A->x, A->link[i], -stiffness);
+}
+
+void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9])
+{
+    if (A->free)
+        add_block(A->A->x, A->link[i], H, 3);
 }
 
 /* Entries of the fullest row of L: each supernode lists its rows, which are as wide as it has columns. */

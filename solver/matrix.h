@@ -25,8 +25,9 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
                            const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
                            drape_error *reterr);
 
-/* The same with other links, zero but for the base; there is no factor until the next factorisation. After a
- * failure nothing may be done with it but to free it. */
+/* The same with places for the blocks of these pairs of nodes, too, beside the links given at creation, and
+ * zero but for the base; there is no factor until the next factorisation. After a failure nothing may be done
+ * with it but to free it. */
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr);
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
@@ -54,10 +55,13 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b);
 
 /* H is the block of rows a, columns b of a symmetric matrix, a != b; the pattern has its place. */
-void dr_matrix_add_pair(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3]);
+void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3]);
 
 /* Adds stiffness (1 -1; -1 1) (x) I3 between the two nodes of link i. */
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness);
+
+/* H is the 3x3 block, row-major, in the rows of the first node of link i and the columns of the second. */
+void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9]);
 
 /* Subtracts c I from A, c so large that dr_matrix_factorise coming to its end afterwards proves that A was
  * positive definite, whatever was rounded on the way: g/(1 - g) tr(A), g = n u/(1 - n u), with n two more

@@ -159,6 +159,18 @@ cleanup:
     return status;
 }
 
+void dr_mesh_shrink(struct dr_mesh *mesh, const double *factor)
+{
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const double *f = factor + 2 * (size_t)mesh->material[t];
+        mesh->area[t] *= f[0] * f[1];
+        for (size_t i = 0; i < 6; i++) {
+            mesh->rest[6 * t + i] *= f[i % 2];
+            mesh->grad[6 * t + i] /= f[i % 2];
+        }
+    }
+}
+
 struct dr_mesh *dr_mesh_free(struct dr_mesh *mesh)
 {
     if (mesh) {

@@ -34,6 +34,11 @@ drape_status dr_mesh_new(size_t nodes, size_t triangles, const uint32_t *triangl
                          const double *density,    /* by material, kg/m^2 */
                          const bool *held,         /* nodes; NULL: none */
                          struct dr_mesh **ret, drape_error *reterr);
+
+/* Scales the rest shape of each triangle by its material's factors, 2 per material: weft, warp, > 0. Masses
+ * stay what they were. */
+void dr_mesh_shrink(struct dr_mesh *mesh, const double *factor);
+
 struct dr_mesh *dr_mesh_free(struct dr_mesh *mesh); /* NULL is fine; returns NULL */
 size_t dr_mesh_bytes(const struct dr_mesh *mesh);
 

@@ -102,7 +102,7 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
 static double turn(const struct dr_state *s, const double *move)
 {
     double strain;
-    dr_stretch_second_order(s->cloth->stretch, s->x, move, &strain);
+    dr_cloth_second_order(s->cloth, s->x, move, &strain);
     return sqrt(2 * strain);
 }
 
@@ -112,7 +112,7 @@ static double curvature(struct dr_state *s, double kept)
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *dropped = s->extra[DROPPED];
     memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
-    dr_stretch_left_out(s->cloth->stretch, s->x, s->cloth->stress, s->extra[DIRECTION], dropped);
+    dr_cloth_left_out(s->cloth, s->x, s->extra[DIRECTION], dropped);
     return kept + dr_state_dot(s, s->extra[DIRECTION], dropped);
 }
 
@@ -149,7 +149,7 @@ static double worthwhile(struct dr_state *s, double most, double least, double s
         for (size_t i = 0; i < count; i++)
             end[i] = s->w[i] + most * s->extra[DIRECTION][i];
         double decrease = so_far + most * (slope - 0.5 * most * curved);
-        if (dr_stretch_second_order(s->cloth->stretch, s->x, end, &strain) <= WORTH * decrease)
+        if (dr_cloth_second_order(s->cloth, s->x, end, &strain) <= WORTH * decrease)
             return most;
     }
     return least;
@@ -289,7 +289,7 @@ static void shorten(struct dr_state *s)
     for (size_t i = 0; i < count; i += 3)
         longest =
             fmax(longest, sqrt(s->w[i] * s->w[i] + s->w[i + 1] * s->w[i + 1] + s->w[i + 2] * s->w[i + 2]));
-    dr_stretch_second_order(s->cloth->stretch, s->x, s->w, &strain);
+    dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
     double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest));
     s->shortened = scale < 1;
     if (s->cloth->self) {
@@ -371,7 +371,7 @@ static drape_status bite(struct dr_state *s, drape_error *reterr)
     size_t count = 3 * s->cloth->mesh->nodes;
     memcpy(s->x, s->best, count * sizeof *s->x);
     dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
-    dr_stretch_stress(s->cloth->stretch, s->x, NULL, s->cloth->stress);
+    dr_cloth_stress(s->cloth, s->x, NULL);
     s->h = first_h(s);
     s->limit = FIRST_LIMIT;
     s->strain = 0;
@@ -424,7 +424,7 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
         dr_self_clip(s->cloth->self, s->x, s->w);
     for (size_t i = 0; i < count; i++)
         s->x_next[i] = s->x[i] + s->w[i];
-    double false_stretch = dr_stretch_second_order(s->cloth->stretch, s->x, s->w, &s->strain);
+    double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &s->strain);
     double potential = dr_cloth_energy(s->cloth, s->x_next, &there, s->f_next);
     s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
     if (adapt(s, size)) {

@@ -15,7 +15,7 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
 {
     bool regular;
     dr_matrix_set_base(s->cloth->A, 0);
-    dr_stretch_stress(s->cloth->stretch, s->x, NULL, s->cloth->stress);
+    dr_cloth_stress(s->cloth, s->x, NULL);
     drape_status status = dr_state_factorise(s, 1, &regular, reterr);
     if (status < 0 || s->gave_up)
         return status;

@@ -93,13 +93,19 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
     decide(plan, DR_TERM_STRETCH, "stretch", true, dr_mesh_bytes(cloth->mesh), "");
     decide(plan, DR_TERM_CURVES, "strain-stress-curves", scene->curve_points > 0,
            2 * scene->curve_points * sizeof(double), "every fabric is linear");
+    decide(plan, DR_TERM_ELASTICS, "elastics", cloth->elastics, scene->bars * sizeof *scene->bar,
+           "no elastic in the scene");
     decide(plan, DR_TERM_BEND, "bend", cloth->bend, cloth->bend ? dr_bend_bytes(cloth->bend) : 0,
            "no material has bending rigidity");
+    decide(plan, DR_TERM_FOLDS, "folds", cloth->folds, scene->hinges * sizeof *scene->hinge,
+           "no fold in the scene");
     decide(plan, DR_TERM_GRAVITY, "gravity", cloth->gravity, 0, "gravity is zero");
     decide(plan, DR_TERM_CONTACT, "contact", cloth->contact, body_bytes, "no body in the scene");
     decide(plan, DR_TERM_FRICTION, "friction", cloth->friction, 0,
            scene->bodies || cloth->self ? "neither bodies nor fabrics have any"
                                         : "no body in the scene, no self-contact");
+    decide(plan, DR_TERM_TACKS, "tacks", cloth->tacks, scene->tacks * sizeof *scene->tack,
+           "no tack in the scene");
     decide(plan, DR_TERM_SELF_CONTACT, "self-contact", cloth->self, 0, reason_without_self(scene, options));
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
@@ -132,6 +138,9 @@ void dr_plan_compile(struct drape_sim *sim)
         .contact = scene->bodies > 0,
         .friction = has_friction(scene, self),
         .self = self,
+        .elastics = scene->bars > 0,
+        .folds = scene->hinges > 0,
+        .tacks = scene->tacks > 0,
         .matrix = plan->method->matrix,
     };
     if (scene->pieces && sim->options.max_iterations)
@@ -140,6 +149,7 @@ void dr_plan_compile(struct drape_sim *sim)
             .mesh = scene->pieces,
             .bend = scene->pieces_bend,
             .contact = scene->bodies > 0,
+            .tacks = scene->tacks > 0,
             .link = scene->seam,
             .links = scene->seams,
             .matrix = DR_MATRIX_CHOLESKY,

@@ -17,10 +17,13 @@ enum dr_term {
     DR_TERM_TRACE,
     DR_TERM_STRETCH,
     DR_TERM_CURVES,
+    DR_TERM_ELASTICS,
     DR_TERM_BEND,
+    DR_TERM_FOLDS,
     DR_TERM_GRAVITY,
     DR_TERM_CONTACT,
     DR_TERM_FRICTION,
+    DR_TERM_TACKS,
     DR_TERM_SELF_CONTACT,
     DR_TERM_SEWING, /* all that only sewing needs */
     DR_TERM_JACOBIAN,
@@ -40,6 +43,7 @@ struct dr_cloth_plan {
     const struct dr_mesh *mesh;            /* NULL: there is no such mesh */
     const struct dr_bend *bend;            /* NULL: left out */
     bool gravity, contact, friction, self; /* false: left out */
+    bool elastics, folds, tacks;           /* likewise */
     const uint32_t *link;                  /* 2*links: node pairs that springs will join; NULL: none */
     size_t links;
     enum dr_cloth_matrix matrix; /* and its factor */

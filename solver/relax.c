@@ -120,7 +120,7 @@ void dr_state_arrive(struct dr_state *s, const drape_energies *energy)
         work += 0.5 * (s->f[i] + s->f_next[i]) * s->w[i];
     s->work = (double)work;
     if (s->cloth->stress)
-        dr_stretch_stress(s->cloth->stretch, s->x, s->w, s->cloth->stress);
+        dr_cloth_stress(s->cloth, s->x, s->w);
     memcpy(s->x, s->x_next, count * sizeof *s->x);
     memcpy(s->f, s->f_next, count * sizeof *s->f);
     s->previous_potential = s->row.energy.potential;
@@ -467,7 +467,7 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
         s.weight = dr_cloth_mean_weight(s.cloth);
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);
         if (s.cloth->stress)
-            dr_stretch_stress(s.cloth->stretch, x, NULL, s.cloth->stress);
+            dr_cloth_stress(s.cloth, x, NULL);
         sim->stage[DR_STAGE_PREPARE] = dr_clock() - began;
         status = iterate(&s, reterr);
     }

@@ -179,7 +179,7 @@ void dr_rub_hessian(const struct dr_rub *rub, const double *x, double exact, str
                 for (int r = 0; r < 3; r++)
                     for (int c = 0; c < 3; c++)
                         block[r][c] = b[j] * b[k] * H[r][c];
-                dr_matrix_add_pair(A, node[j], node[k], (const double(*)[3])block);
+                dr_matrix_add_between(A, node[j], node[k], (const double(*)[3])block);
             }
         }
     }

@@ -7,6 +7,7 @@
 
 #include "curve.h"
 #include "error.h"
+#include "lines.h"
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -39,6 +40,9 @@ static drape_status check_counts(const drape_scene_desc *desc, drape_error *rete
         {"pins", desc->pins, DRAPE_MAX_VERTICES, desc->pin != NULL},
         {"materials", desc->materials, DRAPE_MAX_TRIANGLES, desc->material != NULL},
         {"bodies", desc->bodies, DRAPE_MAX_BODIES, desc->body != NULL},
+        {"elastics", desc->elastics, DRAPE_MAX_LINES, desc->elastic != NULL},
+        {"folds", desc->folds, DRAPE_MAX_LINES, desc->fold != NULL},
+        {"tacks", desc->tacks, DRAPE_MAX_VERTICES, desc->tack != NULL},
     };
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         if (row[i].count > row[i].most)
@@ -96,6 +100,12 @@ static drape_status check_material(const drape_material *material, int64_t m, dr
     if (!(material->friction >= 0 && material->friction <= DRAPE_MAX_FRICTION))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "friction",
                           "%g is not between 0 and %g", material->friction, (double)DRAPE_MAX_FRICTION);
+    const double shrink[] = {material->shrink_weft, material->shrink_warp};
+    for (int i = 0; i < 2; i++)
+        if (!(fabs(shrink[i]) <= DRAPE_MAX_SHRINK))
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1,
+                              i ? "shrink_warp" : "shrink_weft", "%g is not between %g and %g", shrink[i],
+                              -DRAPE_MAX_SHRINK, DRAPE_MAX_SHRINK);
     if (curved && material->poisson != 0)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_MATERIAL, m, -1, "poisson",
                           "%g must be 0 beside a strain-stress curve", material->poisson);
@@ -315,6 +325,32 @@ static bool copy_materials(const drape_scene_desc *desc, drape_scene *scene)
     return scene->curve_point != NULL;
 }
 
+static bool any_shrinks(const drape_scene_desc *desc)
+{
+    for (size_t m = 0; m < desc->materials; m++)
+        if (desc->material[m].shrink_weft != 0 || desc->material[m].shrink_warp != 0)
+            return true;
+    return false;
+}
+
+static drape_status shrink_meshes(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    if (!any_shrinks(desc))
+        return DRAPE_OK;
+    double *factor = malloc(2 * desc->materials * sizeof *factor);
+    if (!factor)
+        return dr_out_of_memory(reterr);
+    for (size_t m = 0; m < desc->materials; m++) {
+        factor[2 * m] = 1 - desc->material[m].shrink_weft;
+        factor[2 * m + 1] = 1 - desc->material[m].shrink_warp;
+    }
+    dr_mesh_shrink(scene->mesh, factor);
+    if (scene->pieces)
+        dr_mesh_shrink(scene->pieces, factor);
+    free(factor);
+    return DRAPE_OK;
+}
+
 static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene, size_t nodes,
                                drape_error *reterr)
 {
@@ -349,6 +385,8 @@ static drape_status new_meshes(const drape_scene_desc *desc, drape_scene *scene,
     status = blame_seam(desc, status, reterr);
     if (scene->seam_gap <= DR_WELD_GAP)
         scene->pieces = dr_mesh_free(scene->pieces);
+    if (status >= 0)
+        status = shrink_meshes(desc, scene, reterr);
 
 cleanup:
     free(density);
@@ -409,6 +447,8 @@ static drape_status find_parts(const drape_scene_desc *desc, drape_scene *scene,
         scene->part[i] = root == i ? (uint32_t)scene->parts++ : scene->part[root];
         scene->part_held[scene->part[i]] |= mesh->held[i];
     }
+    for (size_t i = 0; i < scene->tacks; i++)
+        scene->part_held[scene->part[scene->tack[i].node]] = true;
     for (size_t i = 0; !desc->bodies && i < desc->vertices; i++) {
         uint32_t node = scene->vertex_node[i];
         if (node != DR_NONE && !scene->part_held[scene->part[node]]) {
@@ -420,6 +460,19 @@ static drape_status find_parts(const drape_scene_desc *desc, drape_scene *scene,
 
 cleanup:
     free(parent);
+    return status;
+}
+
+/* Bending of the welded cloth, which the folds cut. */
+static drape_status new_bend(drape_scene *scene, const double *rigidity, drape_error *reterr)
+{
+    if (!scene->hinges)
+        return dr_bend_new(scene->mesh, rigidity, &scene->bend, reterr);
+    struct dr_mesh cut = dr_lines_cut(scene->mesh, scene->hinge, scene->hinges);
+    if (!cut.neighbor)
+        return dr_out_of_memory(reterr);
+    drape_status status = dr_bend_new(&cut, rigidity, &scene->bend, reterr);
+    free(cut.neighbor);
     return status;
 }
 
@@ -436,7 +489,7 @@ static drape_status new_bends(const drape_scene_desc *desc, drape_scene *scene, 
         rigidity[3 * m + 2] = material->bend_twist;
         any = any || material->bend_weft > 0 || material->bend_warp > 0 || material->bend_twist > 0;
     }
-    drape_status status = any ? dr_bend_new(scene->mesh, rigidity, &scene->bend, reterr) : DRAPE_OK;
+    drape_status status = any ? new_bend(scene, rigidity, reterr) : DRAPE_OK;
     if (status >= 0 && scene->pieces) {
         for (size_t m = 0; m < desc->materials; m++) {
             rigidity[3 * m] = rigidity[3 * m + 1] = DR_SEWING_RIGIDITY;
@@ -459,7 +512,14 @@ static drape_status new_bodies(const drape_scene_desc *desc, drape_scene *scene,
         if (status < 0)
             return status;
     }
+    if (scene->tacks)
+        dr_lines_lift(scene);
     return DRAPE_OK;
+}
+
+static bool has_lines(const drape_scene_desc *desc)
+{
+    return desc->elastics || desc->folds || desc->tacks;
 }
 
 /* Everything up to what only the solver needs: checks, welding, meshes, parts. */
@@ -477,6 +537,8 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     for (size_t b = 0; b < desc->bodies; b++)
         if ((status = dr_body_check(desc->body + b, (int64_t)b, reterr)) < 0)
             return status;
+    if (has_lines(desc) && (status = dr_lines_check(desc, reterr)) < 0)
+        return status;
 
     scene = calloc(1, sizeof *scene);
     if (!scene)
@@ -497,7 +559,9 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     if ((status = number_nodes(desc, scene->vertex_node, &nodes, reterr)) < 0 ||
         (status = check_pins(desc, scene->vertex_node, nodes, reterr)) < 0 ||
         (status = new_meshes(desc, scene, nodes, reterr)) < 0 ||
-        (status = share_nodes(desc, scene, reterr)) < 0 || (status = find_parts(desc, scene, reterr)) < 0)
+        (status = share_nodes(desc, scene, reterr)) < 0 ||
+        (has_lines(desc) && (status = dr_lines_compile(desc, scene, reterr)) < 0) ||
+        (status = find_parts(desc, scene, reterr)) < 0)
         goto cleanup;
     *ret = scene;
     scene = NULL;
@@ -537,6 +601,9 @@ drape_scene *drape_scene_free(drape_scene *scene)
         for (size_t b = 0; b < scene->bodies; b++)
             dr_body_free(scene->body[b]);
         free(scene->body);
+        free(scene->bar);
+        free(scene->hinge);
+        free(scene->tack);
         dr_bend_free(scene->pieces_bend);
         dr_bend_free(scene->bend);
         dr_mesh_free(scene->pieces);
@@ -560,6 +627,8 @@ size_t dr_scene_bytes(const drape_scene *scene)
                    2 * scene->seams * sizeof(uint32_t) + scene->materials * sizeof(drape_material) +
                    2 * scene->curve_points * sizeof(double) + dr_mesh_bytes(scene->mesh) +
                    scene->mesh->nodes * (sizeof(uint32_t) + sizeof(bool));
+    bytes += scene->bars * sizeof *scene->bar + scene->hinges * sizeof *scene->hinge +
+             scene->tacks * sizeof *scene->tack;
     if (scene->bend)
         bytes += dr_bend_bytes(scene->bend);
     if (scene->pieces)

@@ -4,7 +4,10 @@
 
 #include "bend.h"
 #include "body.h"
+#include "elastic.h"
+#include "fold.h"
 #include "mesh.h"
+#include "tack.h"
 
 /* Seams that start no wider than this are welded at once; sewing pulls wider ones shut to it (m). */
 #define DR_WELD_GAP 1e-3
@@ -33,11 +36,15 @@ struct drape_scene {
     struct dr_bend *bend;        /* NULL: no rigidity anywhere */
     struct dr_mesh *pieces;      /* one node a vertex; NULL: nothing to sew */
     struct dr_bend *pieces_bend; /* NULL with pieces */
+    size_t bars, hinges, tacks;
+    struct dr_bar *bar;     /* of the elastics, edge by edge; NULL if none, as the next two */
+    struct dr_hinge *hinge; /* of the folds, likewise */
+    struct dr_tack *tack;
     size_t bodies;
     struct dr_body **body;
     size_t parts;    /* connected components of the welded mesh */
     uint32_t *part;  /* nodes: component of each */
-    bool *part_held; /* parts: it has a held node */
+    bool *part_held; /* parts: it has a held node, or a tacked one */
 };
 
 /* Bytes held by the scene. */

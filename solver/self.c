@@ -364,7 +364,7 @@ static void add_block(const uint32_t node[4], block12 H, struct dr_matrix *A)
             double block[3][3];
             for (int i = 0; i < 3; i++)
                 memcpy(block[i], H[3 * a + i] + 3 * b, sizeof block[i]);
-            dr_matrix_add_pair(A, node[a], node[b], (const double(*)[3])block);
+            dr_matrix_add_between(A, node[a], node[b], (const double(*)[3])block);
         }
     }
 }

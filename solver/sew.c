@@ -94,7 +94,7 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
         limit_moves(cloth->mesh, w);
         if (cloth->contact)
             dr_contact_clip(cloth->contact, x, w, CONTACT_DEPTH);
-        dr_stretch_stress(cloth->stretch, x, w, cloth->stress);
+        dr_cloth_stress(cloth, x, w);
         for (size_t i = 0; i < 3 * cloth->mesh->nodes; i++)
             x[i] += w[i];
         spring = fmin(spring * SPRING_GROWTH, SPRING_LAST);
@@ -112,7 +112,7 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
         status = dr_cloth_new(&sim->plan.pieces, sim->positions, &cloth, reterr);
     if (status >= 0) {
         dr_matrix_set_base(cloth->A, 1 / (TIME_STEP * TIME_STEP));
-        dr_stretch_stress(cloth->stretch, sim->positions, NULL, cloth->stress);
+        dr_cloth_stress(cloth, sim->positions, NULL);
         status = sew_pieces(sim, cloth, f, w, reterr);
         size_t bytes[DR_TERMS] = {[DR_TERM_SEWING] = 6 * scene->vertices * sizeof(double)};
         dr_cloth_bytes(cloth, bytes);

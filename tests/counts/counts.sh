@@ -83,7 +83,7 @@ check 'a sphere far away costs instructions and bytes' more sphere rk4
 check 'a sphere far away runs the contact code' calls sphere dr_contact_energy
 check 'a curve costs instructions and bytes' more curve rk4
 check 'a curve runs the code of curves' calls curve dr_curve_at
-check 'without either, neither runs' calls_none steps '(dr_(contact|body|field|winding|curve)_|curved_)'
+check 'without either, neither runs' calls_none steps '(dr_(contact|body|field|winding|curve|lines|elastic|fold|hinge|tacks?)_|curved_)'
 check 'a certificate costs instructions and bytes' more certify at-once
 check 'a certificate runs its code' calls certify dr_certify
 check 'without one, none of it runs' calls_none at-once 'dr_(certify|matrix_lower_by_round_off)'

@@ -131,9 +131,8 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
         strcat(strcat(term->kept ? kept : left_out, " "), term->name);
     }
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
-    assert_string_equal(
-        left_out,
-        " strain-stress-curves contact friction self-contact sewing conjugate-gradients certificate fit");
+    assert_string_equal(left_out, " strain-stress-curves elastics folds contact friction tacks self-contact "
+                                  "sewing conjugate-gradients certificate fit");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -151,6 +150,30 @@ static void add_ball(struct example *e)
 static void add_curve(struct example *e)
 {
     e->material.curve_warp = (drape_curve){1, line};
+}
+
+static const uint32_t edge[] = {3 * SIDE, 3 * SIDE + 1, 4 * SIDE + 1, 4 * SIDE + 2};
+
+static void add_elastic(struct example *e)
+{
+    static const drape_elastic elastic = {edge, 2, 0.7, 30};
+    e->desc.elastic = &elastic;
+    e->desc.elastics = 1;
+}
+
+static void add_fold(struct example *e)
+{
+    static const drape_fold fold = {edge, 2, 1, 1e-3};
+    e->desc.fold = &fold;
+    e->desc.folds = 1;
+}
+
+static void add_tack(struct example *e)
+{
+    static const drape_tack tack = {.vertex = VERTICES - 1, .triangle = DRAPE_NO_TRIANGLE};
+    add_ball(e);
+    e->desc.tack = &tack;
+    e->desc.tacks = 1;
 }
 
 static void take_bending(struct example *e)
@@ -202,6 +225,9 @@ static void test_plan__a_change_moves_its_own_terms_alone(void **state)
         const char *terms; /* that are kept or left out, or hold other bytes, because of it */
     } cases[] = {
         {add_ball, " contact self-contact"}, /* by itself, as a body may fold the cloth */
+        {add_tack, " contact self-contact tacks"},
+        {add_elastic, " elastics jacobian"}, /* its links */
+        {add_fold, " bend folds jacobian"},  /* which it cuts */
         {add_curve, " strain-stress-curves"},
         {take_bending, " bend jacobian"}, /* the pattern is the mesh's alone */
         {take_gravity, " gravity"},

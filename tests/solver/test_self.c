@@ -23,7 +23,7 @@ void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6])
             A->a[3 * node + i][3 * node + j] += H[entry[i][j]];
 }
 
-void dr_matrix_add_pair(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
+void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
 {
     for (size_t i = 0; i < 3; i++)
         for (size_t j = 0; j < 3; j++) {
