@@ -9,12 +9,20 @@
 #include "objfile.h"
 #include "scene.h"
 
-enum { MAX_BODIES = 16 };
+enum { MAX_BODIES = 16, MAX_LINES = 64 };
+
+/* FILE:SHAPE:STIFFNESS of an elastic or a fold. */
+struct line_argument {
+    char *file; /* cut off in the argument itself */
+    double shape, stiffness;
+};
 
 struct arguments {
     struct cli *cli;
     const char *garment, *seams, *lines, *body[MAX_BODIES];
     size_t bodies;
+    struct line_argument elastic[MAX_LINES], fold[MAX_LINES];
+    size_t elastics, folds;
     struct scene scene; /* only members without arrays are set while parsing */
 };
 
@@ -25,6 +33,8 @@ enum {
     OPTION_FRICTION,
     OPTION_OFFSET,
     OPTION_NAME,
+    OPTION_ELASTIC,
+    OPTION_FOLD,
     OPTION_SELF_CONTACT,
     OPTION_THICKNESS,
     OPTION_LINES,
@@ -35,6 +45,16 @@ static const struct argp_option options[] = {
     {NULL, 0, NULL, 0, "What hangs on what:", 1},
     {"garment", 'g', "OBJ", 0, "The garment: v = where it starts, vt = flat rest shape in metres", 1},
     {"seams", 's', "FILE", 0, "Lines \"i j [stitch]\": vertices sewn together, counted from 1", 1},
+    {"elastic", OPTION_ELASTIC, "FILE:FACTOR:N", 0,
+     "A tape along the edges of FILE (lines \"i j\", counted from 1), FACTOR times as long as they are in "
+     "the "
+     "pattern, that pulls with N newtons per unit of elongation; may be given again",
+     1},
+    {"fold", OPTION_FOLD, "FILE:DEGREES:N", 0,
+     "A crease along the edges of FILE, above 0 a mountain seen from the front, of N newton metres per "
+     "radian "
+     "and metre; may be given again",
+     1},
     {"body", 'b', "OBJ", 0, "A body, closed, normals outwards; may be given again", 1},
     {"material", 'm', "NAME", 0, "A fabric of `drape materials`", 1},
     {"name", OPTION_NAME, "TEXT", 0, "What to call the job (the garment's file name)", 1},
@@ -53,6 +73,31 @@ static const struct argp_option options[] = {
     {"time-limit", OPTION_TIME_LIMIT, "S", 0, "Give up after so many seconds", 2},
     {0},
 };
+
+/* Splits FILE:SHAPE:STIFFNESS at its last two colons. */
+static void parse_line(struct argp_state *state, const char *option, char *argument, double low, double high,
+                       struct line_argument *line, size_t *lines)
+{
+    char *stiffness = strrchr(argument, ':'), *shape = NULL;
+    if (stiffness) {
+        *stiffness = '\0';
+        shape = strrchr(argument, ':');
+    }
+    if (!shape || shape == argument) {
+        argp_error(state, "--%s takes a file and two numbers, joined by colons", option);
+        return;
+    }
+    if (*lines == MAX_LINES) {
+        argp_error(state, "more than %d of --%s", MAX_LINES, option);
+        return;
+    }
+    *shape = '\0';
+    line[(*lines)++] = (struct line_argument){
+        .file = argument,
+        .shape = cli_number(state, option, shape + 1, low, high),
+        .stiffness = cli_number(state, option, stiffness + 1, 1e-12, 1e12),
+    };
+}
 
 static error_t parse_solver(int key, char *argument, struct argp_state *state, struct scene_solver *solver)
 {
@@ -116,6 +161,12 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     case OPTION_NAME:
         scene->name = argument;
         return 0;
+    case OPTION_ELASTIC:
+        parse_line(state, "elastic", argument, 0.1, 2, arguments->elastic, &arguments->elastics);
+        return 0;
+    case OPTION_FOLD:
+        parse_line(state, "fold", argument, -180, 180, arguments->fold, &arguments->folds);
+        return 0;
     case OPTION_FRICTION:
         scene->body_friction = cli_number(state, "friction", argument, 0, 10);
         return 0;
@@ -154,6 +205,25 @@ static const struct argp argp = {
         "  drape scene -g shirt.obj -s shirt.seams -b body.obj -m cotton-poplin | drape run - -o shirt.glb",
 };
 
+/* The edges of each line from its file. */
+static int read_lines(const struct line_argument *argument, size_t arguments, size_t vertices,
+                      struct scene_edges **ret, size_t *ret_lines, struct failure *failure)
+{
+    *ret = arguments > 0 ? calloc(arguments, sizeof **ret) : NULL;
+    if (arguments > 0 && !*ret) {
+        return failure_no_memory(failure);
+    }
+    for (; *ret_lines < arguments; ++*ret_lines) {
+        struct scene_edges *line = *ret + *ret_lines;
+        line->shape = argument[*ret_lines].shape;
+        line->stiffness = argument[*ret_lines].stiffness;
+        if (objfile_read_seams(argument[*ret_lines].file, vertices, &line->edge, &line->edges, failure) < 0) {
+            return -1;
+        }
+    }
+    return 0;
+}
+
 static int read_files(const struct arguments *arguments, struct scene *scene, struct failure *failure)
 {
     if (objfile_read(arguments->garment, true, &scene->cloth, failure) < 0) {
@@ -165,6 +235,12 @@ static int read_files(const struct arguments *arguments, struct scene *scene, st
     }
     if (arguments->lines && objfile_read_lines(arguments->lines, scene->cloth.vertices, &scene->line,
                                                &scene->lines, failure) < 0) {
+        return -1;
+    }
+    if (read_lines(arguments->elastic, arguments->elastics, scene->cloth.vertices, &scene->elastic,
+                   &scene->elastics, failure) < 0 ||
+        read_lines(arguments->fold, arguments->folds, scene->cloth.vertices, &scene->fold, &scene->folds,
+                   failure) < 0) {
         return -1;
     }
     scene->body = calloc(MAX_BODIES, sizeof *scene->body);

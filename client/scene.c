@@ -26,6 +26,14 @@ void scene_done(struct scene *scene)
     for (size_t b = 0; b < scene->bodies; b++) {
         surface_done(&scene->body[b]);
     }
+    for (size_t i = 0; i < scene->elastics; i++) {
+        free(scene->elastic[i].edge);
+    }
+    for (size_t i = 0; i < scene->folds; i++) {
+        free(scene->fold[i].edge);
+    }
+    free(scene->elastic);
+    free(scene->fold);
     free(scene->body);
     for (size_t i = 0; i < scene->lines; i++) {
         objfile_line_done(&scene->line[i]);
@@ -112,6 +120,19 @@ static int write_material(FILE *file, const struct scene_material *m)
     return status;
 }
 
+static void write_edges(FILE *file, const char *key, const char *shape, const struct scene_edges *line,
+                        size_t lines)
+{
+    fprintf(file, ",\n\"%s\": [", key);
+    for (size_t i = 0; i < lines; i++) {
+        fprintf(file, "%s{", i > 0 ? ",\n" : "");
+        write_indices(file, "edges", line[i].edge, 2 * line[i].edges);
+        fprintf(file, ", \"%s\": " NUMBER ", \"stiffness\": " NUMBER "}", shape, line[i].shape,
+                line[i].stiffness);
+    }
+    fputc(']', file);
+}
+
 static int write_cloth(FILE *file, const struct scene *scene)
 {
     fprintf(file, "\"cloth\": {");
@@ -123,6 +144,12 @@ static int write_cloth(FILE *file, const struct scene *scene)
     if (scene->pins > 0) {
         fprintf(file, ",\n");
         write_indices(file, "pins", scene->pin, scene->pins);
+    }
+    if (scene->elastics > 0) {
+        write_edges(file, "elastics", "factor", scene->elastic, scene->elastics);
+    }
+    if (scene->folds > 0) {
+        write_edges(file, "folds", "angle", scene->fold, scene->folds);
     }
     fprintf(file, ",\n");
     int status = write_material(file, &scene->material);

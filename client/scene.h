@@ -15,6 +15,13 @@ struct scene_material {
     double bend_weft, bend_warp, bend_twist; /* N m */
 };
 
+struct scene_edges { /* an elastic or a fold */
+    uint32_t *edge; /* 2*edges, zero-based; freed with the scene */
+    size_t edges;
+    double shape;     /* factor; degrees */
+    double stiffness; /* N; N m per rad and metre */
+};
+
 /* Members left NULL or negative are not written: the server's own default holds. */
 struct scene_solver {
     const char *method, *stop_on; /* borrowed */
@@ -33,6 +40,8 @@ struct scene {
     struct objfile_line *line; /* lines, to be measured */
     size_t lines;
     struct scene_material material;
+    struct scene_edges *elastic, *fold; /* elastics, folds */
+    size_t elastics, folds;
     struct surface *body; /* bodies */
     size_t bodies;
     double thickness;                  /* m: at which cloth feels cloth. Negative: the server's default */

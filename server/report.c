@@ -13,14 +13,26 @@ struct member {
     const char *name, *path;
 };
 
-static const struct member MATERIAL_MEMBER[] = {
-    {"stretch_weft", "stretch/weft"}, {"stretch_warp", "stretch/warp"}, {"stretch_shear", "stretch/shear"},
-    {"bend_weft", "bend/weft"},       {"bend_warp", "bend/warp"},       {"bend_twist", "bend/twist"},
-    {"density", "density"},           {"poisson", "poisson"},           {NULL, NULL}};
+static const struct member MATERIAL_MEMBER[] = {{"stretch_weft", "stretch/weft"},
+                                                {"stretch_warp", "stretch/warp"},
+                                                {"stretch_shear", "stretch/shear"},
+                                                {"bend_weft", "bend/weft"},
+                                                {"bend_warp", "bend/warp"},
+                                                {"bend_twist", "bend/twist"},
+                                                {"density", "density"},
+                                                {"poisson", "poisson"},
+                                                {"shrink_weft", "shrink/weft"},
+                                                {"shrink_warp", "shrink/warp"},
+                                                {NULL, NULL}};
 /* the other members of a body have other names in each kind, and are all checked before the solver */
 static const struct member BODY_MEMBER[] = {
     {"offset", "offset"},           {"positions", "mesh/positions"}, {"vertices", "mesh/positions"},
     {"triangle", "mesh/triangles"}, {"triangles", "mesh/triangles"}, {NULL, NULL}};
+static const struct member LINE_MEMBER[] = {
+    {"factor", "factor"}, {"stiffness", "stiffness"}, {"angle", "angle"}, {"edge", "edges"}, {NULL, NULL}};
+static const struct member TACK_MEMBER[] = {{"vertex", "vertex"},           {"body", "body"},
+                                            {"triangle", "triangle"},       {"point", "point"},
+                                            {"barycentric", "barycentric"}, {NULL, NULL}};
 static const struct member SCENE_MEMBER[] = {{"gravity", "gravity"},
                                              {"positions", "cloth/mesh/positions"},
                                              {"vertices", "cloth/mesh/positions"},
@@ -34,6 +46,9 @@ static const struct member SCENE_MEMBER[] = {{"gravity", "gravity"},
                                              {"material", "cloth/materials"},
                                              {"materials", "cloth/materials"},
                                              {"triangle_material", "cloth/triangle_material"},
+                                             {"elastics", "cloth/elastics"},
+                                             {"folds", "cloth/folds"},
+                                             {"tacks", "cloth/tacks"},
                                              {"body", "bodies"},
                                              {"bodies", "bodies"},
                                              {"self_contact", "self_contact"},
@@ -49,24 +64,29 @@ static const struct member OPTION_MEMBER[] = {
 /* How an element of each place is found in the document: `stride` numbers an element in a flat array. */
 static const struct place {
     const char *what;  /* for the message; the element's own number follows */
-    const char *array; /* pointer, from the body's object on when `in_body` */
+    const char *array; /* pointer, from that object on where there is an `outer` */
     unsigned stride;
-    bool in_body;
+    const char *outer; /* pointer of the array whose object number `body` it is in; NULL: none */
     const struct member *member;
 } PLACE[] = {
-    [DRAPE_AT_NOWHERE] = {NULL, "", 0, false, NULL},
-    [DRAPE_AT_VERTEX] = {"vertex", "/cloth/mesh/positions", 3, false, NULL},
-    [DRAPE_AT_PATTERN] = {"pattern of vertex", "/cloth/mesh/pattern", 2, false, NULL},
-    [DRAPE_AT_TRIANGLE] = {"triangle", "/cloth/mesh/triangles", 3, false, NULL},
-    [DRAPE_AT_SEAM] = {"seam", "/cloth/seams", 2, false, NULL},
-    [DRAPE_AT_PIN] = {"pin", "/cloth/pins", 1, false, NULL},
-    [DRAPE_AT_MATERIAL] = {"material", "/cloth/materials", 1, false, MATERIAL_MEMBER},
-    [DRAPE_AT_TRIANGLE_MATERIAL] = {"material of triangle", "/cloth/triangle_material", 1, false, NULL},
-    [DRAPE_AT_BODY] = {"body", "/bodies", 1, false, BODY_MEMBER},
-    [DRAPE_AT_BODY_VERTEX] = {"vertex", "/mesh/positions", 3, true, NULL},
-    [DRAPE_AT_BODY_TRIANGLE] = {"triangle", "/mesh/triangles", 3, true, NULL},
-    [DRAPE_AT_SCENE] = {NULL, "", 0, false, SCENE_MEMBER},
-    [DRAPE_AT_OPTION] = {NULL, "/solver", 0, false, OPTION_MEMBER},
+    [DRAPE_AT_NOWHERE] = {NULL, "", 0, NULL, NULL},
+    [DRAPE_AT_VERTEX] = {"vertex", "/cloth/mesh/positions", 3, NULL, NULL},
+    [DRAPE_AT_PATTERN] = {"pattern of vertex", "/cloth/mesh/pattern", 2, NULL, NULL},
+    [DRAPE_AT_TRIANGLE] = {"triangle", "/cloth/mesh/triangles", 3, NULL, NULL},
+    [DRAPE_AT_SEAM] = {"seam", "/cloth/seams", 2, NULL, NULL},
+    [DRAPE_AT_PIN] = {"pin", "/cloth/pins", 1, NULL, NULL},
+    [DRAPE_AT_MATERIAL] = {"material", "/cloth/materials", 1, NULL, MATERIAL_MEMBER},
+    [DRAPE_AT_TRIANGLE_MATERIAL] = {"material of triangle", "/cloth/triangle_material", 1, NULL, NULL},
+    [DRAPE_AT_BODY] = {"body", "/bodies", 1, NULL, BODY_MEMBER},
+    [DRAPE_AT_BODY_VERTEX] = {"vertex", "/mesh/positions", 3, "/bodies", NULL},
+    [DRAPE_AT_BODY_TRIANGLE] = {"triangle", "/mesh/triangles", 3, "/bodies", NULL},
+    [DRAPE_AT_ELASTIC] = {"elastic", "/cloth/elastics", 1, NULL, LINE_MEMBER},
+    [DRAPE_AT_ELASTIC_EDGE] = {"edge", "/edges", 2, "/cloth/elastics", NULL},
+    [DRAPE_AT_FOLD] = {"fold", "/cloth/folds", 1, NULL, LINE_MEMBER},
+    [DRAPE_AT_FOLD_EDGE] = {"edge", "/edges", 2, "/cloth/folds", NULL},
+    [DRAPE_AT_TACK] = {"tack", "/cloth/tacks", 1, NULL, TACK_MEMBER},
+    [DRAPE_AT_SCENE] = {NULL, "", 0, NULL, SCENE_MEMBER},
+    [DRAPE_AT_OPTION] = {NULL, "/solver", 0, NULL, OPTION_MEMBER},
 };
 
 static const char *find_path(const struct member *member, const char *name)
@@ -80,12 +100,12 @@ static const char *find_path(const struct member *member, const char *name)
 static void place_pointer(const struct place *place, const drape_error *error, char *ret, size_t size)
 {
     const char *path = find_path(place->member, error->member);
-    char body[32] = "", element[32] = "";
-    if (place->in_body)
-        snprintf(body, sizeof body, "/bodies/%lld", (long long)error->body);
+    char outer[48] = "", element[32] = "";
+    if (place->outer)
+        snprintf(outer, sizeof outer, "%s/%lld", place->outer, (long long)error->body);
     if (place->stride > 0 && error->element >= 0)
         snprintf(element, sizeof element, "/%lld", (long long)error->element * place->stride);
-    snprintf(ret, size, "%s%s%s%s%s", body, place->array, element, path ? "/" : "", path ? path : "");
+    snprintf(ret, size, "%s%s%s%s%s", outer, place->array, element, path ? "/" : "", path ? path : "");
 }
 
 int schema_solver_problem(const drape_error *error, struct problem *reterr)

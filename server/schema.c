@@ -36,6 +36,7 @@ static const struct range POSITIVE = {DBL_MIN, DBL_MAX, "must be > 0"};
 static const struct range TOLERANCE = {DBL_MIN, 1, "must be > 0 and at most 1"};
 static const struct range NOT_NEGATIVE = {0, DBL_MAX, "must be >= 0"};
 static const struct range FRICTION = {0, DRAPE_MAX_FRICTION, "must be between 0 and 10"};
+/* Whose limits the solver knows. */
 static const struct range ANY = {-DBL_MAX, DBL_MAX, ""};
 
 /* ---- members of an object ------------------------------------------------------------------- */
@@ -154,6 +155,28 @@ static int read_boolean(struct reader *r, const json_t *object, const char *poin
     if (value && !json_is_boolean(value))
         return refuse(r, PROBLEM_INVALID, pointer, member, "must be true or false");
     *ret = value ? json_is_true(value) : *ret;
+    return 0;
+}
+
+/* Like get_number; absent is refused. */
+static int require_number(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                          const struct range *range, double *ret)
+{
+    if (!json_object_get(object, member))
+        return refuse(r, PROBLEM_INVALID, pointer, member, "is missing");
+    return get_number(r, object, pointer, member, range, ret);
+}
+
+/* An index; whether there is such a thing is for drape_scene_check to say. */
+static int require_index(struct reader *r, const json_t *object, const char *pointer, const char *member,
+                         uint32_t *ret)
+{
+    double value = 0;
+    if (require_number(r, object, pointer, member, &ANY, &value))
+        return -1;
+    if (!(value >= 0 && value < UINT32_MAX && value == floor(value)))
+        return refuse(r, PROBLEM_INVALID, pointer, member, "must be an integer from 0 on");
+    *ret = (uint32_t)value;
     return 0;
 }
 
@@ -364,6 +387,19 @@ static int read_bend(struct reader *r, const json_t *object, const char *pointer
     return get_number(r, bend, at, "twist", &NOT_NEGATIVE, &ret->bend_twist);
 }
 
+static int read_shrink(struct reader *r, const json_t *object, const char *pointer, drape_material *ret)
+{
+    static const char *const MEMBERS[] = {"weft", "warp", NULL};
+    char at[JSONTEXT_POINTER_BYTES];
+    const json_t *shrink = json_object_get(object, "shrink");
+    if (!shrink)
+        return 0;
+    jsontext_pointer(at, sizeof at, pointer, "shrink");
+    if (check_object(r, shrink, at, MEMBERS) || get_number(r, shrink, at, "weft", &ANY, &ret->shrink_weft))
+        return -1;
+    return get_number(r, shrink, at, "warp", &ANY, &ret->shrink_warp);
+}
+
 /* Defaults of what was not given, and a refusal of what has none. Isotropic cloth of modulus E and
  * Poisson ratio nu has the shear modulus E / (2 (1 + nu)); a plate of rigidity B without Poisson effect
  * the twisting rigidity B / 2. For different weft and warp, their means are put in. */
@@ -396,14 +432,15 @@ static int read_material(struct reader *r, const json_t *object, const char *poi
                          drape_material *ret)
 {
     static const char *const MEMBERS[] = {"preset", "density",  "stretch", "poisson",
-                                          "bend",   "friction", NULL};
+                                          "bend",   "friction", "shrink",  NULL};
     static const struct range POISSON = {-1 + DBL_EPSILON, 1 - DBL_EPSILON, "must be between -1 and 1"};
     *ret = UNKNOWN;
     if (check_object(r, object, pointer, MEMBERS) || read_preset(r, object, pointer, ret) ||
         get_number(r, object, pointer, "density", &POSITIVE, &ret->density) ||
         get_number(r, object, pointer, "poisson", &POISSON, &ret->poisson) ||
         get_number(r, object, pointer, "friction", &FRICTION, &ret->friction) ||
-        read_stretch(r, object, pointer, points, ret) || read_bend(r, object, pointer, ret))
+        read_stretch(r, object, pointer, points, ret) || read_bend(r, object, pointer, ret) ||
+        read_shrink(r, object, pointer, ret))
         return -1;
     return fill_material(r, pointer, ret);
 }
@@ -432,6 +469,144 @@ static int read_materials(struct reader *r, const json_t *cloth)
     return 0;
 }
 
+/* ---- elastics, folds and tacks ---------------------------------------------------------------- */
+
+/* How long the array in member `name` of the cloth is; 0 when absent. */
+static int count_array(struct reader *r, const json_t *cloth, const char *name, size_t most, size_t *ret)
+{
+    const json_t *array = json_object_get(cloth, name);
+    size_t n = json_array_size(array);
+    if (array && !json_is_array(array))
+        return refuse(r, PROBLEM_INVALID, "/cloth", name, "must be an array");
+    if (n > most)
+        return refuse(r, PROBLEM_TOO_LARGE, "/cloth", name, "%zu, the limit is %zu", n, most);
+    *ret = n;
+    return 0;
+}
+
+/* The vertex pairs of an elastic or a fold; *ret owns them, *ret_lent borrows them. */
+static int get_edges(struct reader *r, const json_t *object, const char *pointer, uint32_t **ret,
+                     const uint32_t **ret_lent, size_t *ret_count)
+{
+    if (!json_object_get(object, "edges"))
+        return refuse(r, PROBLEM_INVALID, pointer, "edges", "is missing");
+    int rc = get_indices(r, object, pointer, "edges", 2, r->spec->cloth.vertices, ret, ret_count);
+    *ret_lent = *ret;
+    return rc;
+}
+
+static int read_elastics(struct reader *r, const json_t *cloth)
+{
+    static const char *const MEMBERS[] = {"edges", "factor", "stiffness", NULL};
+    struct job_spec *spec = r->spec;
+    const json_t *array = json_object_get(cloth, "elastics");
+    char at[JSONTEXT_POINTER_BYTES];
+    size_t n = 0;
+    if (count_array(r, cloth, "elastics", DRAPE_MAX_LINES, &n))
+        return -1;
+    if (n == 0)
+        return 0;
+    spec->elastic = calloc(n, sizeof *spec->elastic);
+    spec->elastic_edge = calloc(n, sizeof(uint32_t *));
+    if (!spec->elastic || !spec->elastic_edge)
+        return out_of_memory(r);
+    spec->scene.elastics = n;
+    for (size_t i = 0; i < spec->scene.elastics; i++) {
+        const json_t *object = json_array_get(array, i);
+        drape_elastic *elastic = spec->elastic + i;
+        element_pointer(at, sizeof at, "/cloth/elastics", i);
+        if (check_object(r, object, at, MEMBERS) ||
+            get_edges(r, object, at, spec->elastic_edge + i, &elastic->edge, &elastic->edges) ||
+            require_number(r, object, at, "factor", &ANY, &elastic->factor) ||
+            require_number(r, object, at, "stiffness", &POSITIVE, &elastic->stiffness))
+            return -1;
+    }
+    return 0;
+}
+
+static int read_folds(struct reader *r, const json_t *cloth)
+{
+    static const char *const MEMBERS[] = {"edges", "angle", "stiffness", NULL};
+    static const struct range ANGLE = {-180, 180, "must be between -180 and 180 degrees"};
+    struct job_spec *spec = r->spec;
+    const json_t *array = json_object_get(cloth, "folds");
+    char at[JSONTEXT_POINTER_BYTES];
+    size_t n = 0;
+    if (count_array(r, cloth, "folds", DRAPE_MAX_LINES, &n))
+        return -1;
+    if (n == 0)
+        return 0;
+    spec->fold = calloc(n, sizeof *spec->fold);
+    spec->fold_edge = calloc(n, sizeof(uint32_t *));
+    if (!spec->fold || !spec->fold_edge)
+        return out_of_memory(r);
+    spec->scene.folds = n;
+    for (size_t i = 0; i < spec->scene.folds; i++) {
+        const json_t *object = json_array_get(array, i);
+        drape_fold *fold = spec->fold + i;
+        element_pointer(at, sizeof at, "/cloth/folds", i);
+        if (check_object(r, object, at, MEMBERS) ||
+            get_edges(r, object, at, spec->fold_edge + i, &fold->edge, &fold->edges) ||
+            require_number(r, object, at, "angle", &ANGLE, &fold->angle) ||
+            require_number(r, object, at, "stiffness", &POSITIVE, &fold->stiffness))
+            return -1;
+        fold->angle *= M_PI / 180;
+    }
+    return 0;
+}
+
+/* A point of space, or of a triangle of the body. */
+static int read_hold(struct reader *r, const json_t *object, const char *pointer, drape_tack *ret)
+{
+    char at[JSONTEXT_POINTER_BYTES];
+    struct numbers numbers;
+    bool point = json_object_get(object, "point");
+    if (point == (json_object_get(object, "triangle") != NULL))
+        return problem_at(r->problem, PROBLEM_INVALID, pointer, "needs either point or triangle");
+    if (point && json_object_get(object, "barycentric"))
+        return refuse(r, PROBLEM_INVALID, pointer, "barycentric", "goes with a triangle, not with a point");
+    ret->triangle = DRAPE_NO_TRIANGLE;
+    if (point)
+        return get_vector(r, object, pointer, "point", true, ret->point);
+    if (!json_object_get(object, "barycentric"))
+        return refuse(r, PROBLEM_INVALID, pointer, "barycentric", "is missing");
+    jsontext_pointer(at, sizeof at, pointer, "barycentric");
+    if (require_index(r, object, pointer, "triangle", &ret->triangle) ||
+        jsontext_get_numbers(&r->json, json_object_get(object, "barycentric"), at, &numbers, r->problem))
+        return -1;
+    if (numbers.count != 2)
+        return problem_at(r->problem, PROBLEM_INVALID, at, "must have two numbers");
+    memcpy(ret->barycentric, numbers.value, sizeof ret->barycentric);
+    return 0;
+}
+
+static int read_tacks(struct reader *r, const json_t *cloth)
+{
+    static const char *const MEMBERS[] = {"vertex", "body", "point", "triangle", "barycentric", NULL};
+    struct job_spec *spec = r->spec;
+    const json_t *array = json_object_get(cloth, "tacks");
+    char at[JSONTEXT_POINTER_BYTES];
+    size_t n = 0;
+    if (count_array(r, cloth, "tacks", DRAPE_MAX_VERTICES, &n))
+        return -1;
+    if (n == 0)
+        return 0;
+    spec->tack = calloc(n, sizeof *spec->tack);
+    if (!spec->tack)
+        return out_of_memory(r);
+    spec->scene.tacks = n;
+    for (size_t i = 0; i < spec->scene.tacks; i++) {
+        const json_t *object = json_array_get(array, i);
+        element_pointer(at, sizeof at, "/cloth/tacks", i);
+        if (check_object(r, object, at, MEMBERS) ||
+            require_index(r, object, at, "vertex", &spec->tack[i].vertex) ||
+            require_index(r, object, at, "body", &spec->tack[i].body) ||
+            read_hold(r, object, at, spec->tack + i))
+            return -1;
+    }
+    return 0;
+}
+
 /* ---- cloth ------------------------------------------------------------------------------------ */
 
 static int read_triangle_material(struct reader *r, const json_t *cloth)
@@ -449,8 +624,8 @@ static int read_triangle_material(struct reader *r, const json_t *cloth)
 
 static int read_cloth(struct reader *r, const json_t *root)
 {
-    static const char *const MEMBERS[] = {"mesh",      "seams", "pins", "materials", "triangle_material",
-                                          "thickness", NULL};
+    static const char *const MEMBERS[] = {"mesh",      "seams",    "pins",  "materials", "triangle_material",
+                                          "thickness", "elastics", "folds", "tacks",     NULL};
     struct job_spec *spec = r->spec;
     const json_t *cloth = json_object_get(root, "cloth");
     if (!cloth)
@@ -462,7 +637,8 @@ static int read_cloth(struct reader *r, const json_t *root)
     size_t vertices = spec->cloth.vertices;
     if (get_indices(r, cloth, "/cloth", "seams", 2, vertices, &spec->seam, &spec->scene.seams) ||
         get_indices(r, cloth, "/cloth", "pins", 1, vertices, &spec->pin, &spec->scene.pins) ||
-        read_materials(r, cloth) || read_triangle_material(r, cloth))
+        read_materials(r, cloth) || read_triangle_material(r, cloth) || read_elastics(r, cloth) ||
+        read_folds(r, cloth) || read_tacks(r, cloth))
         return -1;
     return get_number(r, cloth, "/cloth", "thickness", &ANY, &spec->scene.thickness);
 }
@@ -780,6 +956,9 @@ static void link_scene(struct job_spec *spec)
     spec->scene.pin = spec->pin;
     spec->scene.material = spec->material;
     spec->scene.triangle_material = spec->triangle_material;
+    spec->scene.elastic = spec->elastic;
+    spec->scene.fold = spec->fold;
+    spec->scene.tack = spec->tack;
     spec->scene.body = spec->body;
 }
 
@@ -849,6 +1028,15 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     for (size_t i = 0; spec->curve && i < 3 * spec->scene.materials; i++)
         free(spec->curve[i]);
     free(spec->curve);
+    for (size_t i = 0; spec->elastic_edge && i < spec->scene.elastics; i++)
+        free(spec->elastic_edge[i]);
+    for (size_t i = 0; spec->fold_edge && i < spec->scene.folds; i++)
+        free(spec->fold_edge[i]);
+    free(spec->elastic_edge);
+    free(spec->fold_edge);
+    free(spec->elastic);
+    free(spec->fold);
+    free(spec->tack);
     free(spec->material);
     free(spec->body_mesh);
     free(spec->body);

@@ -15,7 +15,11 @@ struct job_spec {      /* owns everything it points to */
     struct mesh cloth; /* positions, triangles, pattern */
     uint32_t *seam, *pin, *triangle_material;
     drape_material *material;
-    double **curve;         /* 3*materials: points of a weft, warp, shear curve; NULL where it is a number */
+    double **curve; /* 3*materials: points of a weft, warp, shear curve; NULL where it is a number */
+    drape_elastic *elastic;
+    drape_fold *fold;
+    uint32_t **elastic_edge, **fold_edge; /* elastics, folds: the edges of each */
+    drape_tack *tack;
     struct mesh *body_mesh; /* one per body, empty unless it is a mesh */
     drape_body *body;
     struct lines *lines;    /* to be measured, joined; NULL: none */

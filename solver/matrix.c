@@ -499,11 +499,8 @@ bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b)
 
 void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
 {
-    double block[3][9];
-    for (int r = 0; r < 3; r++)
-        memcpy(block[r], H[r], sizeof H[r]);
     if (A->free)
-        add_block(A->A->x, find_slot(A, a, b), block[0]);
+        add_block(A->A->x, find_slot(A, a, b), H[0], 3);
 }
 
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)

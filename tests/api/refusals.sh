@@ -67,6 +67,15 @@ refuse 'a seam to nowhere' 422 invalid /cloth/seams/1 '.cloth.seams = [0, 25]'
 refuse 'a seam between two corners of a triangle' 422 invalid /cloth/seams/0 '.cloth.seams = .cloth.mesh.triangles[-3:-1]'
 refuse 'a material that is not there' 422 invalid /cloth/triangle_material/5 \
     '.cloth.triangle_material = [range(32) | 0] | .cloth.triangle_material[5] = 1'
+refuse 'an elastic along no edge' 422 invalid /cloth/elastics/1/edges/2 '.cloth.elastics =
+    [{edges: [0, 1], factor: 0.7, stiffness: 30}, {edges: [1, 2, 1, 5], factor: 0.7, stiffness: 30}]'
+refuse 'an elastic of no length' 422 invalid /cloth/elastics/0/factor '.cloth.elastics = [{edges: [0, 1], factor: 0, stiffness: 30}]'
+refuse 'a fold along a border' 422 invalid /cloth/folds/0/edges/0 '.cloth.folds = [{edges: [0, 1], angle: 90, stiffness: 1e-3}]'
+refuse 'a fold past a full one' 422 invalid /cloth/folds/0/angle '.cloth.folds = [{edges: [5, 6], angle: 181, stiffness: 1e-3}]'
+refuse 'a tack to no body' 422 invalid /cloth/tacks/0/body '.cloth.tacks = [{vertex: 24, body: 0, point: [0, 0, 0]}]'
+refuse 'a tack of a pinned vertex' 422 invalid /cloth/tacks/0/vertex '.cloth.tacks = [{vertex: 0, body: 0, point: [0, 0, 0]}]
+    | .bodies = [{sphere: {center: [0, -1, 0], radius: 0.1}}]'
+refuse 'cloth that shrinks to nothing' 422 invalid /cloth/materials/0/shrink/warp '.cloth.materials[0].shrink = {warp: 1}'
 refuse 'too few materials for the triangles' 422 invalid /cloth/triangle_material '.cloth.triangle_material = [0]'
 refuse 'a triangle of two vertices' 422 invalid '' '.cloth.mesh.triangles[0:3] = [0, 0, 1]'
 refuse 'a triangle without area in the pattern' 422 invalid '' '.cloth.mesh.pattern[2:4] = .cloth.mesh.pattern[0:2]'

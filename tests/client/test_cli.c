@@ -86,6 +86,11 @@ static void test_cli__wrong_arguments_exit_with_1_and_say_why(void **state)
         {"scene -g x.obj", "--material is missing"},
         {"scene -g /nowhere.obj -m denim", "/nowhere.obj"},
         {"scene -g x.obj -m denim -t -1", "--tolerance takes"},
+        {"scene -g x.obj -m denim --elastic hem", "--elastic takes a file and two numbers"},
+        {"scene -g x.obj -m denim --elastic :0.7:30", "--elastic takes a file and two numbers"},
+        {"scene -g x.obj -m denim --elastic hem:0.05:30", "--elastic takes a number from 0.1 to 2"},
+        {"scene -g x.obj -m denim --fold crease:181:1", "--fold takes a number from -180 to 180"},
+        {"scene -g x.obj -m denim --fold crease:90:0", "--fold takes a number"},
         {"run", "which JOB"},
         {"run /nowhere.json", "/nowhere.json"},
         {"run /dev/null -o x.stl", ".glb, .obj"},
@@ -173,6 +178,47 @@ static void test_cli__scene_turns_files_into_a_job(void **state)
     json_decref(job);
 }
 
+static void write_file(const char *folder, const char *name, const char *text, char *ret_path, size_t size)
+{
+    snprintf(ret_path, size, "%s/%s", folder, name);
+    FILE *file = fopen(ret_path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+static void test_cli__scene_takes_elastics_and_folds(void **state)
+{
+    char folder[] = "/tmp/drape-test.XXXXXX", cloth[64], hem[64], crease[64], line[512];
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    write_file(folder, "cloth.obj",
+               "v 0 0 0\nv 1 0 0\nv 0 0 -1\nv 1 0 -1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
+               "f 1/1 2/2 4/4\nf 1/1 4/4 3/3\n",
+               cloth, sizeof cloth);
+    write_file(folder, "hem", "# by hand\n1 2\n2 4\n", hem, sizeof hem);
+    write_file(folder, "a:b", "1 4\n", crease, sizeof crease); /* a colon of its own */
+    snprintf(line, sizeof line,
+             "scene -g %s -m denim --elastic %s:0.7:30 --fold %s:-90:1e-3 --elastic %s:1.5:2", cloth, hem,
+             crease, hem);
+    assert_int_equal(drape(line), 0);
+    json_t *job = json_loads(output, 0, NULL), *object = json_object_get(job, "cloth");
+    json_t *elastics = json_object_get(object, "elastics"), *folds = json_object_get(object, "folds");
+    json_t *wanted_folds = json_loads("[{\"edges\": [0,3], \"angle\": -90, \"stiffness\": 0.001}]", 0, NULL);
+    assert_int_equal(json_array_size(elastics), 2);
+    assert_int_equal(
+        json_integer_value(json_array_get(json_object_get(json_array_get(elastics, 1), "edges"), 3)), 3);
+    assert_close(json_number_value(json_object_get(json_array_get(elastics, 0), "stiffness")), 30, 0);
+    assert_close(json_number_value(json_object_get(json_array_get(elastics, 1), "factor")), 1.5, 0);
+    assert_true(json_equal(folds, wanted_folds));
+    json_decref(job);
+    json_decref(wanted_folds);
+    remove(cloth);
+    remove(hem);
+    remove(crease);
+    remove(folder);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -181,6 +227,7 @@ int main(void)
         cmocka_unit_test(test_cli__without_a_server_every_question_exits_with_3),
         cmocka_unit_test(test_cli__example_prints_a_job),
         cmocka_unit_test(test_cli__scene_turns_files_into_a_job),
+        cmocka_unit_test(test_cli__scene_takes_elastics_and_folds),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

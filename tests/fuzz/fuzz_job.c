@@ -22,6 +22,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         fuzz_require(spec->options.time_limit > 0 && spec->options.time_step > 0);
         for (size_t i = 0; i < 2 * spec->scene.seams; i++)
             fuzz_require(spec->scene.seam[i] < spec->scene.vertices);
+        for (size_t i = 0; i < spec->scene.tacks; i++)
+            fuzz_require(spec->scene.tack[i].vertex < spec->scene.vertices &&
+                         spec->scene.tack[i].body < spec->scene.bodies);
     } else {
         json_t *body = problem_json(&problem, NULL, NULL);
         fuzz_require(problem.code != PROBLEM_NONE && problem.detail[0] != '\0');

@@ -223,7 +223,8 @@ static void sewn_init(struct sewn *s, double gap)
             s->edge[2 * j + 1] = 2 * ROWS + j + 1;
         }
     }
-    s->desc = (drape_scene_desc){.vertices = 4 * ROWS,
+    s->desc = (drape_scene_desc){.thickness = DRAPE_DEFAULT_THICKNESS,
+                                 .vertices = 4 * ROWS,
                                  .triangles = 4 * (ROWS - 1),
                                  .seams = ROWS,
                                  .pins = ROWS,

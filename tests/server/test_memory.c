@@ -68,7 +68,10 @@ static const char JOB[] =
     " \"positions\": [0,1,0, 1,1,0, 0,1,1, 1,1,0, 0,1,1, 1,1,1], \"triangles\": [0,2,1, 3,4,5],"
     " \"pattern\": [0,0, 1,0, 0,1, 1,0, 0,1, 1,1]}, \"seams\": [1,3, 2,4], \"pins\": [0],"
     " \"materials\": [{\"preset\": \"linen\"}, {\"preset\": \"denim\", \"poisson\": 0,"
-    " \"stretch\": {\"weft\": [[0.1, 5]], \"shear\": [[0.1, 2], [0.2, 9]]}}], \"triangle_material\": [1, 0]},"
+    " \"stretch\": {\"weft\": [[0.1, 5]], \"shear\": [[0.1, 2], [0.2, 9]]}}], \"triangle_material\": [1, 0],"
+    " \"elastics\": [{\"edges\": [0,1], \"factor\": 0.7, \"stiffness\": 30}],"
+    " \"folds\": [{\"edges\": [1,2], \"angle\": 90, \"stiffness\": 1e-3}],"
+    " \"tacks\": [{\"vertex\": 5, \"body\": 0, \"triangle\": 2, \"barycentric\": [0.5, 0.25]}]},"
     " \"bodies\": [{\"mesh\": {\"positions\": [0,-7,0, 1,-7,0, 0,-7,1, 0,-6,0],"
     " \"triangles\": [0,1,2, 0,3,1, 1,3,2, 0,2,3]}}],"
     " \"lines\": [{\"name\": \"hem\", \"vertices\": [0, 1]}]}";

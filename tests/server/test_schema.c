@@ -443,6 +443,158 @@ static void test_schema__lines_across_pieces_need_a_seam(void **state)
     job_spec_free(spec);
 }
 
+static void test_schema__elastics_folds_and_tacks_are_read(void **state)
+{
+    (void)state;
+    struct job_spec *spec = parse_with("/cloth/elastics", "[{\"edges\": [], \"factor\": 1, \"stiffness\": 1},"
+                                                          " {\"edges\": [1,3, 3,2], \"factor\": 0.7, "
+                                                          "\"stiffness\": 30}]");
+    const drape_scene_desc *scene = &spec->scene;
+    assert_int_equal(scene->elastics, 2);
+    assert_int_equal(scene->elastic[0].edges, 0);
+    assert_int_equal(scene->elastic[1].edges, 2);
+    assert_int_equal(scene->elastic[1].edge[2], 3);
+    assert_close(scene->elastic[1].factor, 0.7, 0);
+    assert_close(scene->elastic[1].stiffness, 30, 0);
+    job_spec_free(spec);
+
+    spec = parse_with("/cloth/folds", "[{\"edges\": [1,2], \"angle\": -180, \"stiffness\": 1e-3}]");
+    scene = &spec->scene;
+    assert_int_equal(scene->folds, 1);
+    assert_int_equal(scene->fold->edge[1], 2);
+    assert_close(scene->fold->angle, -M_PI, 0);
+    assert_close(scene->fold->stiffness, 1e-3, 0);
+    job_spec_free(spec);
+
+    spec = parse_with("/cloth/tacks", "[{\"vertex\": 3, \"body\": 0, \"point\": [1, 2, 3]}]");
+    scene = &spec->scene;
+    assert_int_equal(scene->tacks, 1);
+    assert_int_equal(scene->tack->vertex, 3);
+    assert_true(scene->tack->triangle == DRAPE_NO_TRIANGLE);
+    assert_close(scene->tack->point[2], 3, 0);
+    job_spec_free(spec);
+
+    spec = parse_with("/cloth/materials/0/shrink", "{\"weft\": 0.05, \"warp\": -0.5}");
+    assert_close(spec->material->shrink_weft, 0.05, 0);
+    assert_close(spec->material->shrink_warp, -0.5, 0);
+    job_spec_free(spec);
+}
+
+/* A tetrahedron in the place of the ball, tacked at one of its faces. */
+static void test_schema__a_tack_names_a_triangle_of_a_body(void **state)
+{
+    (void)state;
+    static const char BODY[] = "{\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0, 0,0,1], \"triangles\": "
+                               "[0,2,1, 0,1,3, 0,3,2, 1,2,3]}}";
+    static const struct refusal REFUSAL[] = {
+        {"/cloth/tacks/0/triangle", "4", NULL},
+        {"/cloth/tacks/0/triangle", "-1", NULL},
+        {"/cloth/tacks/0/triangle", "1.5", NULL},
+        {"/cloth/tacks/0/barycentric", "[0.6, 0.5]", NULL},
+        {"/cloth/tacks/0/barycentric", "[0.6]", NULL},
+        {"/cloth/tacks/0/barycentric", "7", NULL},
+        {"/cloth/tacks/0/point", "[0,0,0]", "/cloth/tacks/0"},
+    };
+    json_t *root = json_loads(BASE, 0, NULL);
+    struct problem problem;
+    set_value(root, "/bodies/0", BODY);
+    set_value(root, "/cloth/tacks",
+              "[{\"vertex\": 3, \"body\": 0, \"triangle\": 3, \"barycentric\": [0.5, 0.25]}]");
+    char *text = json_dumps(root, 0);
+    struct job_spec *spec = parse(text, &limits_default, &problem);
+    if (!spec)
+        fail_msg("%s", problem.detail);
+    assert_int_equal(spec->scene.tack->triangle, 3);
+    assert_close(spec->scene.tack->barycentric[1], 0.25, 0);
+    job_spec_free(spec);
+    free(text);
+    for (size_t i = 0; i < COUNT(REFUSAL); i++) {
+        json_t *copy = json_deep_copy(root);
+        set_value(copy, REFUSAL[i].pointer, REFUSAL[i].value);
+        text = json_dumps(copy, 0);
+        expect_text(text, &limits_default, PROBLEM_INVALID,
+                    REFUSAL[i].at ? REFUSAL[i].at : REFUSAL[i].pointer);
+        free(text);
+        json_decref(copy);
+    }
+    json_decref(root);
+}
+
+static void test_schema__wrong_lines_are_refused_at_their_place(void **state)
+{
+    (void)state;
+#define ELASTIC "\"factor\": 0.7, \"stiffness\": 30"
+    static const struct refusal REFUSAL[] = {
+        {"/cloth/elastics", "{}", NULL},
+        {"/cloth/elastics", "[7]", "/cloth/elastics/0"},
+        {"/cloth/elastics", "[{" ELASTIC "}]", "/cloth/elastics/0/edges"},
+        {"/cloth/elastics", "[{\"edges\": [1], " ELASTIC "}]", "/cloth/elastics/0/edges"},
+        {"/cloth/elastics", "[{\"edges\": [1,2, 3,4], " ELASTIC "}]", "/cloth/elastics/0/edges/3"},
+        {"/cloth/elastics", "[{\"edges\": [1,2, 0,3], " ELASTIC "}]", "/cloth/elastics/0/edges/2"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"stiffness\": 30}]", "/cloth/elastics/0/factor"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"factor\": 0.7}]", "/cloth/elastics/0/stiffness"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"factor\": 0.09, \"stiffness\": 30}]",
+         "/cloth/elastics/0/factor"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"factor\": 2.01, \"stiffness\": 30}]",
+         "/cloth/elastics/0/factor"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"factor\": 1, \"stiffness\": 0}]",
+         "/cloth/elastics/0/stiffness"},
+        {"/cloth/elastics", "[{\"edges\": [1,2], \"width\": 1, " ELASTIC "}]", "/cloth/elastics/0/width"},
+        {"/cloth/folds", "7", NULL},
+        {"/cloth/folds", "[{\"edges\": [1,2], \"stiffness\": 1}]", "/cloth/folds/0/angle"},
+        {"/cloth/folds", "[{\"edges\": [1,2], \"angle\": 180.1, \"stiffness\": 1}]", "/cloth/folds/0/angle"},
+        {"/cloth/folds", "[{\"edges\": [1,2], \"angle\": -181, \"stiffness\": 1}]", "/cloth/folds/0/angle"},
+        {"/cloth/folds", "[{\"edges\": [1,2], \"angle\": 90, \"stiffness\": 1e13}]",
+         "/cloth/folds/0/stiffness"},
+        {"/cloth/folds", "[{\"edges\": [1,2, 0,1], \"angle\": 90, \"stiffness\": 1}]",
+         "/cloth/folds/0/edges/2"}, /* a border */
+        {"/cloth/tacks", "{}", NULL},
+        {"/cloth/tacks", "[{\"body\": 0, \"point\": [0,0,0]}]", "/cloth/tacks/0/vertex"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"point\": [0,0,0]}]", "/cloth/tacks/0/body"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0}]", "/cloth/tacks/0"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0, \"triangle\": 0}]", "/cloth/tacks/0/barycentric"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0, \"point\": [0,0,0], \"barycentric\": [0,0]}]",
+         "/cloth/tacks/0/barycentric"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0, \"triangle\": 0, \"barycentric\": [0,0]}]",
+         "/cloth/tacks/0/triangle"}, /* of a ball */
+        {"/cloth/tacks", "[{\"vertex\": 4, \"body\": 0, \"point\": [0,0,0]}]", "/cloth/tacks/0/vertex"},
+        {"/cloth/tacks", "[{\"vertex\": 0, \"body\": 0, \"point\": [0,0,0]}]", "/cloth/tacks/0/vertex"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 1, \"point\": [0,0,0]}]", "/cloth/tacks/0/body"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0, \"point\": [0,0,1e7]}]", "/cloth/tacks/0/point"},
+        {"/cloth/tacks", "[{\"vertex\": 2, \"body\": 0, \"point\": [0,0]}]", "/cloth/tacks/0/point"},
+        {"/cloth/materials/0/shrink", "0.05", NULL},
+        {"/cloth/materials/0/shrink/weft", "0.51", NULL},
+        {"/cloth/materials/0/shrink/warp", "-0.51", NULL},
+        {"/cloth/materials/0/shrink/bias", "0", NULL},
+    };
+    expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_INVALID);
+}
+
+/* An empty elastic is the least there is: as many as there may be, and one more. */
+static void test_schema__there_are_so_many_elastics_and_folds(void **state)
+{
+    (void)state;
+    static const char *const LINE[] = {"{\"edges\":[],\"factor\":1,\"stiffness\":1}",
+                                       "{\"edges\":[],\"angle\":9,\"stiffness\":1}"};
+    static const char *const POINTER[] = {"/cloth/elastics", "/cloth/folds"};
+    for (int k = 0; k < 2; k++) {
+        size_t bytes = strlen(LINE[k]) + 1;
+        char *value = malloc((DRAPE_MAX_LINES + 1) * bytes + 2), *end = value;
+        assert_non_null(value);
+        for (size_t i = 0; i < DRAPE_MAX_LINES + 1; i++, end += bytes)
+            sprintf(end, "%c%s", i ? ',' : '[', LINE[k]);
+        strcpy(end, "]");
+        char *text = with(POINTER[k], value);
+        expect_text(text, &limits_default, PROBLEM_TOO_LARGE, POINTER[k]);
+        free(text);
+        strcpy(end - bytes, "]");
+        struct job_spec *spec = parse_with(POINTER[k], value);
+        assert_int_equal(k ? spec->scene.folds : spec->scene.elastics, DRAPE_MAX_LINES);
+        job_spec_free(spec);
+        free(value);
+    }
+}
+
 static void test_schema__uploaded_meshes_are_loaded_by_hash(void **state)
 {
     (void)state;
@@ -852,6 +1004,14 @@ static void test_schema__places_of_the_solver_become_pointers(void **state)
         {DRAPE_AT_BODY, 3, 3, "radius", "/bodies/3"},
         {DRAPE_AT_BODY_VERTEX, 5, 3, NULL, "/bodies/3/mesh/positions/15"},
         {DRAPE_AT_BODY_TRIANGLE, 5, 3, NULL, "/bodies/3/mesh/triangles/15"},
+        {DRAPE_AT_MATERIAL, 2, -1, "shrink_warp", "/cloth/materials/2/shrink/warp"},
+        {DRAPE_AT_ELASTIC, 2, -1, "factor", "/cloth/elastics/2/factor"},
+        {DRAPE_AT_ELASTIC, 2, -1, "edge", "/cloth/elastics/2/edges"},
+        {DRAPE_AT_ELASTIC_EDGE, 5, 2, NULL, "/cloth/elastics/2/edges/10"},
+        {DRAPE_AT_FOLD, 2, -1, "angle", "/cloth/folds/2/angle"},
+        {DRAPE_AT_FOLD_EDGE, 5, 2, NULL, "/cloth/folds/2/edges/10"},
+        {DRAPE_AT_TACK, 5, -1, "barycentric", "/cloth/tacks/5/barycentric"},
+        {DRAPE_AT_SCENE, -1, -1, "tacks", "/cloth/tacks"},
         {DRAPE_AT_SCENE, -1, -1, "gravity", "/gravity"},
         {DRAPE_AT_SCENE, -1, -1, "vertices", "/cloth/mesh/positions"},
         {DRAPE_AT_OPTION, -1, -1, "time_limit", "/solver/time_limit_s"},
@@ -1087,6 +1247,10 @@ int main(void)
         cmocka_unit_test(test_schema__what_intersects_is_counted_and_placed),
         cmocka_unit_test(test_schema__lines_are_read_and_told_with_their_lengths),
         cmocka_unit_test(test_schema__lines_across_pieces_need_a_seam),
+        cmocka_unit_test(test_schema__elastics_folds_and_tacks_are_read),
+        cmocka_unit_test(test_schema__a_tack_names_a_triangle_of_a_body),
+        cmocka_unit_test(test_schema__wrong_lines_are_refused_at_their_place),
+        cmocka_unit_test(test_schema__there_are_so_many_elastics_and_folds),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__what_the_contract_has_and_this_version_not_is_unsupported),

@@ -225,7 +225,7 @@ static void test_plan__a_change_moves_its_own_terms_alone(void **state)
         const char *terms; /* that are kept or left out, or hold other bytes, because of it */
     } cases[] = {
         {add_ball, " contact self-contact"}, /* by itself, as a body may fold the cloth */
-        {add_tack, " contact self-contact tacks"},
+        {add_tack, " contact tacks self-contact"},
         {add_elastic, " elastics jacobian"}, /* its links */
         {add_fold, " bend folds jacobian"},  /* which it cuts */
         {add_curve, " strain-stress-curves"},
