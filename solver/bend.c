@@ -21,11 +21,11 @@
  * What an edge does depends on what lies across it:
  *   nothing, or cloth without rigidity    free: no moment passes, the slope is eliminated exactly
  *   a triangle whose corners are all held  clamped: the slope is that of the held triangle
- *   any other triangle                     one slope for both
+ *   any other triangle                     one slope for both, with one moment where rigidities differ
  * A held triangle without rigidity clamps nothing. A slope is never computed from nodes beyond cloth
- * without rigidity, which may be creased there, and only where no others suffice from nodes beyond a clamp:
- * the curvature jumps there, and the clamped row would bend up to 8 per cent wrong on a Delaunay mesh, worse
- * on a graded one. */
+ * without rigidity, which may be creased there, and only where no others suffice from nodes beyond a clamp or
+ * another fabric's border: the curvature jumps there, and the clamped row would bend up to 8 per cent wrong
+ * on a Delaunay mesh, worse on a graded one. */
 #include "bend.h"
 
 #include <math.h>
@@ -151,18 +151,53 @@ static struct placed unfold(const struct dr_mesh *mesh, const struct placed *fro
     return to;
 }
 
+/* m(n) of the edge of t opposite corner k, in t's own frame. */
+static void edge_moment(const struct dr_mesh *mesh, size_t t, size_t k, double m[3])
+{
+    const double *A = mesh->rest + 6 * t + 2 * ((k + 1) % 3), *B = mesh->rest + 6 * t + 2 * ((k + 2) % 3);
+    double u = B[0] - A[0], v = B[1] - A[1], square = u * u + v * v; /* n = (v, -u)/l */
+    m[0] = v * v / square;
+    m[1] = u * u / square;
+    m[2] = -2 * u * v / square;
+}
+
 /* ---- the slope of an edge -------------------------------------------------------------------- */
 
 struct hinge { /* an inner edge with its two triangles, in the edge frame above */
     size_t triangle[2];
     unsigned corner[2]; /* opposite the edge */
     struct side side[2];
-    double length; /* mean of the two sides', m */
+    double length;      /* mean of the two sides', m */
+    bool border;        /* the two sides resist bending across the edge differently */
+    double rigidity[2]; /* how much, m(n)'D m(n), N m */
+    double part[2];     /* of the two flat triangles' slopes in the hinge's own; they sum to 1 */
 };
 
-/* Side 0 is the triangle of lower index, so that both triangles get the same slope to the last bit. */
-static struct hinge find_hinge(const struct dr_mesh *mesh, size_t t, unsigned k)
+/* Rigidities across an edge that differ by no more than this are the same but for round-off (relative). */
+#define SAME_RIGIDITY 1e-6
+
+/* The parts of the flat slopes: those of least energy, area/2 (2/h)^2 D (s - x_,n|T)^2 summed, which make the
+ * moment the same on both sides; for one D the heights of the opposite sides. */
+static void share_slope(const struct plate *plate, struct hinge *hinge)
 {
+    const double *h[2] = {&hinge->side[0].height, &hinge->side[1].height};
+    double *D = hinge->rigidity;
+    for (int s = 0; s < 2; s++) {
+        const double *b = rigidity_of(plate, hinge->triangle[s]);
+        double m[3];
+        edge_moment(plate->mesh, hinge->triangle[s], hinge->corner[s], m);
+        D[s] = b[0] * m[0] * m[0] + b[1] * m[1] * m[1] + b[2] * m[2] * m[2];
+    }
+    hinge->border = fabs(D[0] - D[1]) > SAME_RIGIDITY * (D[0] + D[1]);
+    for (int s = 0; s < 2; s++)
+        hinge->part[s] =
+            hinge->border ? D[s] * *h[!s] / (D[0] * *h[1] + D[1] * *h[0]) : *h[!s] / (*h[0] + *h[1]);
+}
+
+/* Side 0 is the triangle of lower index, so that both triangles get the same slope to the last bit. */
+static struct hinge find_hinge(const struct plate *plate, size_t t, unsigned k)
+{
+    const struct dr_mesh *mesh = plate->mesh;
     size_t n = mesh->neighbor[3 * t + k];
     unsigned across = mesh->across[3 * t + k];
     struct hinge hinge = {.triangle = {t, n}, .corner = {k, across}};
@@ -172,6 +207,7 @@ static struct hinge find_hinge(const struct dr_mesh *mesh, size_t t, unsigned k)
     for (int s = 0; s < 2; s++)
         hinge.side[s] = measure_side(mesh, hinge.triangle[s], hinge.corner[s], b);
     hinge.length = (hinge.side[0].length + hinge.side[1].length) / 2;
+    share_slope(plate, &hinge);
     return hinge;
 }
 
@@ -191,8 +227,8 @@ static void add_to_patch(struct patch *patch, uint32_t node, double x, double y)
 
 /* How far a patch goes. */
 struct reach {
-    unsigned rings; /* of outer nodes, 0 to 2: at most 4, 8, 16 nodes */
-    bool past_clamps;
+    unsigned rings;  /* of outer nodes, 0 to 2: at most 4, 8, 16 nodes */
+    bool past_jumps; /* of curvature, at clamps and where another fabric begins */
 };
 
 static const struct reach HINGE_ONLY = {0, false};
@@ -205,13 +241,17 @@ static void add_outer(const struct plate *plate, const struct placed *from, unsi
     for (unsigned step = 1; reach.rings > 0 && step < 3; step++) {
         unsigned k = (entry + step) % 3;
         uint32_t across = stiff_neighbor(plate, from->triangle, k);
-        if (across == DR_NONE || (is_held(plate, across) && !reach.past_clamps))
+        if (across == DR_NONE)
+            continue;
+        bool jumps =
+            is_held(plate, across) || plate->mesh->material[across] != plate->mesh->material[from->triangle];
+        if (jumps && !reach.past_jumps)
             continue;
         struct placed outer = unfold(plate->mesh, from, k);
         unsigned top = plate->mesh->across[3 * from->triangle + k];
         add_to_patch(patch, plate->mesh->triangle[3 * outer.triangle + top], outer.at[top][0],
                      outer.at[top][1]);
-        add_outer(plate, &outer, top, (struct reach){reach.rings - 1, reach.past_clamps}, patch);
+        add_outer(plate, &outer, top, (struct reach){reach.rings - 1, reach.past_jumps}, patch);
     }
 }
 
@@ -251,20 +291,36 @@ static void hinge_jump(const struct hinge *hinge, double jump[4])
     jump[3] = 1 / h1;
 }
 
-/* Sum of the magnitudes of the coefficients of the hinge's own slope,
+/* Sum of the magnitudes of the coefficients of the hinge's own slope, for one rigidity
  * (h1 x_,n|0 + h0 x_,n|1) / H: the yardstick for a correction. */
 static double hinge_slope_size(const struct hinge *hinge)
 {
     double p = hinge->side[0].foot / hinge->length, h0 = hinge->side[0].height;
     double q = hinge->side[1].foot / hinge->length, h1 = hinge->side[1].height;
-    double w0 = h1 / (h0 * (h0 + h1)), w1 = h0 / (h1 * (h0 + h1));
+    double w0 = hinge->part[0] / h0, w1 = hinge->part[1] / h1;
     return w0 + w1 + fabs((0.5 - p) * w0 - (0.5 - q) * w1) + fabs((0.5 + p) * w0 - (0.5 + q) * w1);
+}
+
+/* The same at a border of rigidities, for X^2/2, XY and the sheet bent across the edge with one moment on
+ * both sides (see constraint_rows), with X = x/l. The hinge's own slope is right for the last. */
+static void border_error(const struct hinge *hinge, double error[3])
+{
+    double p = hinge->side[0].foot / hinge->length, h0 = hinge->side[0].height;
+    double q = hinge->side[1].foot / hinge->length, h1 = hinge->side[1].height;
+    const double *part = hinge->part;
+    error[0] = part[0] * (p * p / 2 - 0.125) / h0 - part[1] * (q * q / 2 - 0.125) / h1;
+    error[1] = -(part[0] * p + part[1] * q) / (h0 + h1);
+    error[2] = 0;
 }
 
 /* The true slope at mid-edge (zero) less the hinge's own, 1/m, for the quadratics X^2/2, XY, Y^2/2 of
  * the sheared and scaled coordinates X = (x - y (q - p)/H)/l, Y = y/H. Zero for a parallelogram. */
 static void hinge_error(const struct hinge *hinge, double error[3])
 {
+    if (hinge->border) {
+        border_error(hinge, error);
+        return;
+    }
     double p = hinge->side[0].foot, h0 = hinge->side[0].height;
     double q = hinge->side[1].foot, h1 = hinge->side[1].height;
     double H = h0 + h1, X0 = (p * h1 + q * h0) / (H * hinge->length); /* X of both P and N' */
@@ -314,11 +370,14 @@ static void impose(struct basis *basis, const double row[PATCH_NODES], const dou
     }
 }
 
+/* At a border of rigidities the coordinates are not sheared, as only what bends across the edge jumps there,
+ * and Y^2/2 has on each side the curvature of one moment, 1 on the softer side. */
 static void constraint_rows(const struct hinge *hinge, const struct patch *patch,
                             double row[CONSTRAINTS][PATCH_NODES])
 {
     double H = hinge->side[0].height + hinge->side[1].height;
-    double shear = (hinge->side[1].foot - hinge->side[0].foot) / H;
+    double shear = hinge->border ? 0 : (hinge->side[1].foot - hinge->side[0].foot) / H;
+    double stiffer = fmax(hinge->rigidity[0], hinge->rigidity[1]);
     for (unsigned i = 0; i < patch->nodes; i++) {
         double X = (patch->at[i][0] - shear * patch->at[i][1]) / hinge->length, Y = patch->at[i][1] / H;
         row[0][i] = 1;
@@ -327,6 +386,8 @@ static void constraint_rows(const struct hinge *hinge, const struct patch *patch
         row[3][i] = X * X / 2;
         row[4][i] = X * Y;
         row[5][i] = Y * Y / 2;
+        if (hinge->border)
+            row[5][i] *= hinge->rigidity[Y < 0] / stiffer; /* the other side's */
     }
 }
 
@@ -381,9 +442,9 @@ static double size_of(const double d[PATCH_NODES])
 }
 
 /* Finds the correction of an edge's slope: from the nearest ring if that is exact and not long, else
- * the shorter of one and two rings; past a clamp if none this side of it is exact. Where none is exact
- * (fewer than 6 nodes in reach) there is none; for a pair of triangles alone that is the slope of least
- * energy. `patch` is left with the nodes that have a part in it. */
+ * the shorter of one and two rings; past a clamp or another fabric's border if none this side is exact. Where
+ * none is exact (fewer than 6 nodes in reach) there is none; for a pair of triangles alone that is the slope
+ * of least energy. `patch` is left with the nodes that have a part in it. */
 static void find_correction(const struct plate *plate, const struct hinge *hinge, struct patch *patch,
                             double d[PATCH_NODES])
 {
@@ -399,7 +460,7 @@ static void find_correction(const struct plate *plate, const struct hinge *hinge
     for (int i = 0; i < 4 && best > limit; i++) {
         struct patch wider;
         double fitted[PATCH_NODES];
-        if (reach[i].past_clamps && best < INFINITY)
+        if (reach[i].past_jumps && best < INFINITY)
             break;
         find_patch(plate, hinge, reach[i], &wider);
         if (fit_correction(hinge, &wider, error, fitted) && size_of(fitted) < best) {
@@ -432,20 +493,10 @@ static void add_to_curvature(struct curvature *K, uint32_t node, double factor, 
         K->c[i][r] += factor * m[r];
 }
 
-/* m(n) of the edge of t opposite corner k, in t's own frame. */
-static void edge_moment(const struct dr_mesh *mesh, size_t t, size_t k, double m[3])
-{
-    const double *A = mesh->rest + 6 * t + 2 * ((k + 1) % 3), *B = mesh->rest + 6 * t + 2 * ((k + 2) % 3);
-    double u = B[0] - A[0], v = B[1] - A[1], square = u * u + v * v; /* n = (v, -u)/l */
-    m[0] = v * v / square;
-    m[1] = u * u / square;
-    m[2] = -2 * u * v / square;
-}
-
 /* K_T += (2/h_T) (s - x_,n|T) m(n) for one inner edge of t. */
 static void add_edge(const struct plate *plate, size_t t, unsigned k, struct curvature *K)
 {
-    struct hinge hinge = find_hinge(plate->mesh, t, k);
+    struct hinge hinge = find_hinge(plate, t, k);
     unsigned mine = hinge.triangle[0] == t ? 0 : 1;
     double h = hinge.side[mine].height, H = hinge.side[0].height + hinge.side[1].height;
     double m[3], jump[4], d[PATCH_NODES];
@@ -460,10 +511,11 @@ static void add_edge(const struct plate *plate, size_t t, unsigned k, struct cur
         return;
     }
     /* s - x_,n|T = J h_T/H + delta, with n out of T: delta changes sign with the side */
+    double share = hinge.border ? 2 / h * hinge.part[!mine] : 2 / H;
     find_correction(plate, &hinge, &patch, d);
     double sign = mine == 0 ? 1 : -1;
     for (unsigned i = 0; i < patch.nodes; i++)
-        add_to_curvature(K, patch.node[i], (i < 4 ? 2 / H * jump[i] : 0) + sign * 2 / h * d[i], m);
+        add_to_curvature(K, patch.node[i], (i < 4 ? share * jump[i] : 0) + sign * 2 / h * d[i], m);
 }
 
 /* D -= (D f)(D f)' / (f' D f): the moment along f becomes zero. Eliminating columns one after the

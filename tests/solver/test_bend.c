@@ -303,6 +303,54 @@ static void test_bend__structured_grids_need_the_four_nodes_of_each_hinge_only(v
     grid_done(&grid);
 }
 
+/* Two fabrics side by side, the one beyond u = 1/2 four times as stiff across it: quadratics along the
+ * border, twisted, or bent across it by one moment have their curvatures, on every mesh, in every triangle.
+ */
+static void test_bend__curvature_is_exact_where_the_rigidity_jumps(void **state)
+{
+    (void)state;
+    static const double rigidity[6] = {1e-4, 3e-4, 1e-4, 4e-4, 2e-4, 5e-4}, density[2] = {0.1, 0.1};
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++) {
+        struct grid grid = grid_new(kind, 12, 12, 1, 1, 7);
+        double border = grid.uv[2 * 6], worst = 0;
+        uint32_t *material = calloc(grid.triangles, sizeof *material);
+        struct dr_mesh *mesh = NULL;
+        struct dr_bend *bend = NULL;
+        size_t jumps = 0;
+        for (size_t t = 0; t < grid.triangles; t++)
+            for (size_t c = 0; c < 3; c++)
+                material[t] |= grid.uv[2 * (size_t)grid.triangle[3 * t + c]] > border + 1e-9;
+        assert_int_equal(dr_mesh_new(grid.vertices, grid.triangles, grid.triangle, grid.triangle, grid.uv,
+                                     material, density, NULL, &mesh, NULL),
+                         0);
+        assert_int_equal(dr_bend_new(mesh, rigidity, &bend, NULL), 0);
+        for (int which = 0; which < 3; which++) {
+            double *z = quadratic_heights(which, grid.uv, grid.vertices);
+            for (size_t i = 0; which == 0 && i < grid.vertices; i++) {
+                double u = grid.uv[2 * i] - border;
+                z[i] = u * u / 2 * (u < 0 ? 4 : 1);
+            }
+            for (size_t t = 0; t < grid.triangles; t++) {
+                double K[3], softer = which == 0 && !material[t] ? 4 : 1;
+                if (free_edges(mesh, t) > 0)
+                    continue;
+                double size = fmax(curvature_of(bend, t, z, K), 1);
+                for (int r = 0; r < 3; r++)
+                    worst = fmax(worst, fabs(K[r] - softer * QUADRATIC_CURVATURE[which][r]) / size);
+                jumps += material[t] == 0;
+            }
+            free(z);
+        }
+        print_message("  %-16s worst error %.1e\n", grid_name[kind], worst);
+        assert_true(jumps > 100);
+        assert_true(worst < 1e-12);
+        dr_bend_free(bend);
+        dr_mesh_free(mesh);
+        free(material);
+        grid_done(&grid);
+    }
+}
+
 /* A few patches in a thousand lie so close to a conic that their exact correction is long; one ring
  * more brings it down (without it the longest here are 58 and 221 times the hinge's slope). */
 static void test_bend__no_slope_needs_a_long_correction(void **state)
@@ -317,8 +365,8 @@ static void test_bend__no_slope_needs_a_long_correction(void **state)
         for (size_t side = 0; side < 3 * grid.triangles; side++) {
             if (sheet.mesh->neighbor[side] == DR_NONE)
                 continue;
-            struct hinge hinge = find_hinge(sheet.mesh, side / 3, (unsigned)(side % 3));
-            struct hinge back = find_hinge(sheet.mesh, sheet.mesh->neighbor[side], sheet.mesh->across[side]);
+            struct hinge hinge = find_hinge(&plate, side / 3, (unsigned)(side % 3));
+            struct hinge back = find_hinge(&plate, sheet.mesh->neighbor[side], sheet.mesh->across[side]);
             assert_memory_equal(&hinge.side, &back.side, sizeof hinge.side); /* one slope, from either side */
             struct patch patch;
             double d[PATCH_NODES];
@@ -1055,6 +1103,7 @@ int main(void)
         cmocka_unit_test(test_bend__curvature_is_exact_on_slivers_of_1_to_1000),
         cmocka_unit_test(test_bend__curvature_is_exact_around_vertices_of_three_triangles),
         cmocka_unit_test(test_bend__structured_grids_need_the_four_nodes_of_each_hinge_only),
+        cmocka_unit_test(test_bend__curvature_is_exact_where_the_rigidity_jumps),
         cmocka_unit_test(test_bend__no_slope_needs_a_long_correction),
         cmocka_unit_test(test_bend__energy_of_every_quadratic_is_exact_with_free_edges_relaxed),
         cmocka_unit_test(test_bend__uniform_moment_does_no_work_on_inner_vertices),
