@@ -80,6 +80,7 @@ static const struct place {
     [DRAPE_AT_BODY] = {"body", "/bodies", 1, NULL, BODY_MEMBER},
     [DRAPE_AT_BODY_VERTEX] = {"vertex", "/mesh/positions", 3, "/bodies", NULL},
     [DRAPE_AT_BODY_TRIANGLE] = {"triangle", "/mesh/triangles", 3, "/bodies", NULL},
+    [DRAPE_AT_BODY_KEYFRAME] = {"keyframe", "/motion", 1, "/bodies", NULL},
     [DRAPE_AT_ELASTIC] = {"elastic", "/cloth/elastics", 1, NULL, LINE_MEMBER},
     [DRAPE_AT_ELASTIC_EDGE] = {"edge", "/edges", 2, "/cloth/elastics", NULL},
     [DRAPE_AT_FOLD] = {"fold", "/cloth/folds", 1, NULL, LINE_MEMBER},

@@ -25,6 +25,10 @@ drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *
 
 /* The part of it that a mesh's arrays must pass; a body that brings its field along has passed it. */
 drape_status dr_body_check_mesh(const drape_body *desc, int64_t number, drape_error *reterr);
+/* Whether another posture (`vertices` of them, 3*vertices positions) of a mesh that passed dr_body_check is
+ * one, too: as many vertices, finite, not inside out. `keyframe` is its number in the motion. */
+drape_status dr_body_check_keyframe(const drape_body *desc, const double *positions, size_t vertices,
+                                    int64_t keyframe, int64_t number, drape_error *reterr);
 
 /* Checks, then builds. Meshes alone can fail after the check: DRAPE_EINVAL when too large for a
  * distance field (field.h has the limits), DRAPE_ENOMEM. */

@@ -139,6 +139,25 @@ drape_status dr_body_check_mesh(const drape_body *desc, int64_t number, drape_er
     return status;
 }
 
+drape_status dr_body_check_keyframe(const drape_body *desc, const double *positions, size_t vertices,
+                                    int64_t keyframe, int64_t number, drape_error *reterr)
+{
+    drape_body posture = *desc;
+    posture.positions = positions;
+    if (vertices != desc->vertices)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY_KEYFRAME, keyframe, number, "positions",
+                          "%zu vertices, where the body has %zu", vertices, desc->vertices);
+    for (size_t v = 0; v < vertices; v++)
+        if (!in_range(positions + 3 * v))
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY_KEYFRAME, keyframe, number, "positions",
+                              "a coordinate of vertex %zu is not finite or beyond %g m", v,
+                              DR_BODY_MAX_COORDINATE);
+    if (!(six_volumes(&posture) > 0))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY_KEYFRAME, keyframe, number, "positions",
+                          "inside out: the enclosed volume is not positive");
+    return DRAPE_OK;
+}
+
 /* ---- by kind --------------------------------------------------------------------------------- */
 
 static drape_status check_plane(const drape_body *desc, int64_t number, drape_error *reterr)

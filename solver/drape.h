@@ -62,6 +62,7 @@ typedef enum drape_place {
     DRAPE_AT_FOLD,              /* fold; `member` names the field */
     DRAPE_AT_FOLD_EDGE,         /* edge of fold number `body` */
     DRAPE_AT_TACK,              /* tack; `member` names the field, if any */
+    DRAPE_AT_BODY_KEYFRAME,     /* keyframe of the motion of body number `body` */
     DRAPE_AT_SCENE,             /* a scalar of the scene; `member` names it */
     DRAPE_AT_OPTION             /* a member of drape_options; `member` names it */
 } drape_place;
@@ -270,6 +271,14 @@ drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr
  * second for a mesh of 27 000 triangles). */
 drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr);
 drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL */
+
+/* Takes cloth along with a body mesh that changes its posture or its size: each point keeps its place in the
+ * frame of the body triangle nearest to it, evened out over the cloth and its seams so that neighbours which
+ * follow different limbs stay together. `positions` (3*desc->vertices, in and out) is where the cloth is; of
+ * `desc` the counts, triangles and seams are read. `to` has the vertices and the triangles of `from`. A start
+ * for a drape, not a drape: a millimetre or two off where the body bends, and blind to other bodies. */
+drape_status drape_carry(const drape_scene_desc *desc, const drape_body *from, const drape_body *to,
+                         double *positions, drape_error *reterr);
 
 /* ---- options -------------------------------------------------------------------------------- */
 
