@@ -16,8 +16,9 @@ struct dr_body {
     double offset, friction;
     double point[3], axis[3]; /* as in drape_body; a plane's normal has length 1 */
     double radius;
-    struct dr_field *field; /* mesh; else NULL */
-    double *positions;      /* mesh: 3*vertices; else NULL */
+    struct dr_field *field;     /* mesh that stands; else NULL */
+    struct dr_nearest *nearest; /* mesh that moves; else NULL */
+    double *positions;          /* mesh: 3*vertices; else NULL */
     size_t vertices;
 };
 
@@ -38,8 +39,7 @@ static void unit_normal(double n[3])
         n[d] /= length;
 }
 
-static drape_status take_mesh(struct dr_body *body, const drape_body *desc, int64_t number,
-                              drape_error *reterr)
+static drape_status take_positions(struct dr_body *body, const drape_body *desc, drape_error *reterr)
 {
     size_t bytes = 3 * desc->vertices * sizeof *body->positions; /* checked: below DRAPE_MAX_VERTICES */
     body->positions = malloc(bytes);
@@ -47,6 +47,15 @@ static drape_status take_mesh(struct dr_body *body, const drape_body *desc, int6
         return dr_out_of_memory(reterr);
     memcpy(body->positions, desc->positions, bytes);
     body->vertices = desc->vertices;
+    return DRAPE_OK;
+}
+
+static drape_status take_mesh(struct dr_body *body, const drape_body *desc, int64_t number,
+                              drape_error *reterr)
+{
+    drape_status status = take_positions(body, desc, reterr);
+    if (status < 0)
+        return status;
     if (desc->field) {
         body->field = dr_field_ref(desc->field);
         return DRAPE_OK;
@@ -82,10 +91,46 @@ drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body 
     return status;
 }
 
+drape_status dr_body_new_moving(const drape_body *desc, struct dr_body **ret, drape_error *reterr)
+{
+    struct dr_body *body = calloc(1, sizeof *body);
+    if (!body)
+        return dr_out_of_memory(reterr);
+    body->kind = DRAPE_BODY_MESH;
+    body->offset = desc->offset;
+    body->friction = desc->friction;
+    drape_status status = take_positions(body, desc, reterr);
+    if (status >= 0)
+        status = dr_nearest_new(body->positions, desc->vertices, desc->triangle, desc->triangles,
+                                &body->nearest, reterr);
+    if (status < 0)
+        dr_body_free(body);
+    else
+        *ret = body;
+    return status;
+}
+
+void dr_body_move(struct dr_body *body, const double *positions)
+{
+    memcpy(body->positions, positions, 3 * body->vertices * sizeof *positions);
+    dr_nearest_move(body->nearest);
+}
+
+void dr_body_nearest(const struct dr_body *body, const double x[3], struct dr_place *ret)
+{
+    dr_nearest_find(body->nearest, x, INFINITY, ret);
+}
+
+const double *dr_body_positions(const struct dr_body *body)
+{
+    return body->positions;
+}
+
 struct dr_body *dr_body_free(struct dr_body *body)
 {
     if (body) {
         dr_field_unref(body->field);
+        dr_nearest_free(body->nearest);
         free(body->positions);
         free(body);
     }
@@ -129,6 +174,8 @@ double dr_body_friction(const struct dr_body *body)
 size_t dr_body_bytes(const struct dr_body *body)
 {
     size_t bytes = sizeof *body + 3 * body->vertices * sizeof *body->positions;
+    if (body->nearest)
+        bytes += dr_nearest_bytes(body->nearest);
     return body->field ? bytes + dr_field_bytes(body->field) : bytes;
 }
 
@@ -203,7 +250,8 @@ bool dr_body_distance(const struct dr_body *body, const double x[3], double *ret
 {
     switch (body->kind) {
     case DRAPE_BODY_MESH:
-        return dr_field_distance(body->field, x, ret_phi, ret_grad);
+        return body->field ? dr_field_distance(body->field, x, ret_phi, ret_grad)
+                           : dr_nearest_distance(body->nearest, x, DR_BODY_REACH, ret_phi, ret_grad);
     case DRAPE_BODY_SPHERE:
         return sphere_distance(body, x, ret_phi, ret_grad);
     case DRAPE_BODY_PLANE:
@@ -248,7 +296,8 @@ void dr_body_curvature(const struct dr_body *body, const double x[3], double ret
     if (body->kind == DRAPE_BODY_PLANE)
         return;
     if (body->kind == DRAPE_BODY_MESH) {
-        dr_field_curvature(body->field, x, ret);
+        if (body->field)
+            dr_field_curvature(body->field, x, ret);
         return;
     }
     if (!dr_body_distance(body, x, &phi, n) || phi + body->radius <= AT_CENTRE * body->radius)

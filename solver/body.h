@@ -6,7 +6,7 @@
 #ifndef DR_BODY_H
 #define DR_BODY_H
 
-#include "drape.h"
+#include "nearest.h"
 
 struct dr_body;
 
@@ -49,6 +49,20 @@ void dr_body_curvature(const struct dr_body *body, const double x[3], double ret
 /* The least value of d.x over the body's points; -INFINITY for a plane unless d is its normal's
  * opposite. Serves the slid-off verdict (d = up). */
 double dr_body_support_min(const struct dr_body *body, const double d[3]);
+
+/* A mesh that moves, at its start. Its distance is that to the nearest triangle (nearest.h): exact, with a
+ * gradient that jumps where the nearest point does, and within DR_BODY_REACH inside as well as outside; it
+ * has no curvature. `desc` has passed dr_body_check; its triangles are borrowed, its positions copied. */
+drape_status dr_body_new_moving(const drape_body *desc, struct dr_body **ret, drape_error *reterr);
+
+/* Moves it to `positions` (3*vertices). */
+void dr_body_move(struct dr_body *body, const double *positions);
+
+/* The nearest point of a mesh that moves. */
+void dr_body_nearest(const struct dr_body *body, const double x[3], struct dr_place *ret);
+
+/* Where a mesh's vertices are now, 3*vertices. */
+const double *dr_body_positions(const struct dr_body *body);
 
 double dr_body_offset(const struct dr_body *body);
 double dr_body_friction(const struct dr_body *body);

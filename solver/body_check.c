@@ -182,14 +182,25 @@ static drape_status check_round(const drape_body *desc, int64_t number, drape_er
     return DRAPE_OK;
 }
 
-drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *reterr)
+static drape_status check_motion(const drape_body *desc, int64_t number, drape_error *reterr)
 {
-    if (!(desc->offset > 0 && desc->offset <= DR_BODY_MAX_OFFSET))
-        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "offset",
-                          "%g m is not in (0, %g]", desc->offset, DR_BODY_MAX_OFFSET);
-    if (!(desc->friction >= 0 && desc->friction <= DRAPE_MAX_FRICTION))
-        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "friction",
-                          "%g is not between 0 and %g", desc->friction, (double)DRAPE_MAX_FRICTION);
+    if (desc->kind != DRAPE_BODY_MESH)
+        return refuse(number, "keyframes", "only a mesh moves", reterr);
+    if (desc->keyframes > DRAPE_MAX_KEYFRAMES)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "keyframes",
+                          "%zu are more than the limit of %d", desc->keyframes, DRAPE_MAX_KEYFRAMES);
+    if (!(desc->motion_seconds >= DRAPE_MIN_MOTION && desc->motion_seconds <= DRAPE_MAX_MOTION))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "motion_seconds",
+                          "%g s is not between %g and %d", desc->motion_seconds, DRAPE_MIN_MOTION,
+                          DRAPE_MAX_MOTION);
+    drape_status status = DRAPE_OK;
+    for (size_t k = 0; k < desc->keyframes && status == DRAPE_OK; k++)
+        status = dr_body_check_keyframe(desc, desc->keyframe[k], desc->vertices, (int64_t)k, number, reterr);
+    return status;
+}
+
+static drape_status check_kind(const drape_body *desc, int64_t number, drape_error *reterr)
+{
     switch (desc->kind) {
     case DRAPE_BODY_MESH:
         return desc->field ? DRAPE_OK : dr_body_check_mesh(desc, number, reterr);
@@ -200,4 +211,16 @@ drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *
         return check_round(desc, number, reterr);
     }
     return refuse(number, "kind", "no such kind of body", reterr);
+}
+
+drape_status dr_body_check(const drape_body *desc, int64_t number, drape_error *reterr)
+{
+    if (!(desc->offset > 0 && desc->offset <= DR_BODY_MAX_OFFSET))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "offset",
+                          "%g m is not in (0, %g]", desc->offset, DR_BODY_MAX_OFFSET);
+    if (!(desc->friction >= 0 && desc->friction <= DRAPE_MAX_FRICTION))
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_BODY, number, number, "friction",
+                          "%g is not between 0 and %g", desc->friction, (double)DRAPE_MAX_FRICTION);
+    drape_status status = check_kind(desc, number, reterr);
+    return status == DRAPE_OK && desc->keyframes ? check_motion(desc, number, reterr) : status;
 }

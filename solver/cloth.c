@@ -43,7 +43,7 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
     drape_status status =
         dr_stretch_new(plan->mesh, scene->material, scene->materials, &cloth->stretch, reterr);
     if (status >= 0 && plan->contact)
-        status = dr_contact_new(plan->mesh, scene->body, scene->bodies, &cloth->contact, reterr);
+        status = dr_contact_new(plan->mesh, plan->body, scene->bodies, &cloth->contact, reterr);
     if (status >= 0 && plan->friction && plan->contact)
         status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
     if (status >= 0 && plan->self)
@@ -250,7 +250,7 @@ drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double i
     if (cloth->contact)
         dr_contact_hessian(cloth->contact, x, indefinite, cloth->A);
     if (cloth->friction)
-        dr_friction_hessian(cloth->friction, x, indefinite, cloth->A);
+        dr_friction_hessian(cloth->friction, x, cloth->slides ? 1 : indefinite, cloth->A);
     if (cloth->self)
         dr_self_hessian(cloth->self, x, indefinite, cloth->A);
     if (cloth->elastic)

@@ -28,6 +28,7 @@ struct dr_cloth {
     struct dr_matrix *A;                 /* NULL: an explicit integrator needs none */
     double gravity[3];                   /* zero: left out */
     double *start;                       /* 3*nodes: where gravity's energy is zero; NULL: left out */
+    bool slides;                         /* assembles friction's true Hessian always: false unless set */
     double *stress; /* 3*triangles: what the geometric stiffness is built from; NULL with A */
 };
 

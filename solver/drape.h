@@ -127,7 +127,8 @@ typedef enum drape_body_kind {
     DRAPE_BODY_CAPSULE
 } drape_body_kind;
 
-/* A static obstacle. Only the members of its kind are read. */
+/* An obstacle: static, or a mesh that moves before the drape and then stands in the last of its keyframes,
+ * postures of the same triangles. Only the members of its kind are read. */
 typedef struct drape_body {
     drape_body_kind kind;
     double offset;   /* m, > 0: cloth starts to feel the body this far from its surface */
@@ -138,9 +139,13 @@ typedef struct drape_body {
     /* MESH: what drape_field_new made of these very arrays, which are then not checked again; the scene takes
      * a reference of its own. NULL: the scene builds it. */
     drape_field *field;
-    double point[3]; /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
-    double axis[3];  /* PLANE outward normal, any length > 0; CAPSULE the other end */
-    double radius;   /* SPHERE, CAPSULE: m, > 0 */
+    double point[3];               /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
+    double axis[3];                /* PLANE outward normal, any length > 0; CAPSULE the other end */
+    double radius;                 /* SPHERE, CAPSULE: m, > 0 */
+    size_t keyframes;              /* MESH: to DRAPE_MAX_KEYFRAMES; 0: it does not move */
+    const double *const *keyframe; /* MESH: keyframes pointers to 3*vertices */
+    double motion_seconds;         /* s, from `positions` to the last keyframe, DRAPE_MIN_MOTION to
+                                    * DRAPE_MAX_MOTION; read with keyframes only */
 } drape_body;
 
 /* Checks the arrays of a MESH and builds its field; *ret is one reference, the caller's. `number` is the
@@ -196,6 +201,15 @@ typedef struct drape_tack {
 } drape_tack;
 
 #define DRAPE_NO_TRIANGLE UINT32_MAX
+
+/* A motion. Straight lines lead each vertex from posture to posture, which follow each other evenly in time;
+ * the whole begins and ends gently (3 u^2 - 2 u^3 of the time). Meanwhile the cloth, sewn by then, follows by
+ * plain dynamics: backward Euler with a little air, starting each step from where the body carries it (see
+ * drape_carry). Pins stay where they are. What other bodies do not, the drape then starts from. */
+#define DRAPE_MAX_KEYFRAMES  32
+#define DRAPE_MIN_MOTION     0.01 /* s */
+#define DRAPE_MAX_MOTION     60   /* s */
+#define DRAPE_DEFAULT_MOTION 1.0  /* s, unless the scene says otherwise */
 
 /* All arrays, the points of curves too, are the caller's and are copied; none need outlive
  * drape_scene_new. */
@@ -318,6 +332,7 @@ typedef struct drape_energies { /* joules */
 
 typedef enum drape_phase {
     DRAPE_PHASE_SEWING = 0,
+    DRAPE_PHASE_MOVING, /* rows count frames of the motion */
     DRAPE_PHASE_DRAPING,
     DRAPE_PHASE_CERTIFYING /* rows repeat the iteration they start from */
 } drape_phase;
@@ -344,7 +359,8 @@ typedef struct drape_row {
 
 typedef struct drape_progress {
     drape_phase phase;
-    drape_row row;   /* while sewing: iteration counts sewing steps, energies as far as known */
+    drape_row row;   /* while sewing: iteration counts sewing steps, energies as far as known; while
+                      * bodies move: frames */
     uint32_t stops;  /* so far */
     double seam_gap; /* m: largest distance between vertices of one seam; 0 once welded */
 } drape_progress;
@@ -401,8 +417,8 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
                            drape_error *reterr);
 drape_sim *drape_sim_free(drape_sim *sim); /* NULL is fine; returns NULL */
 
-/* Sews, then drapes until rest or until a budget is spent. Call once. The calling thread's OpenMP
- * nesting is switched off (CHOLMOD's own parallel regions made it six times slower). */
+/* Sews, follows the bodies' motion, then drapes until rest or until a budget is spent. Call once. The calling
+ * thread's OpenMP nesting is switched off (CHOLMOD's own parallel regions made it six times slower). */
 drape_status drape_sim_run(drape_sim *sim, drape_error *reterr);
 
 /* Any thread, any time; a flag read once an iteration. */
@@ -463,7 +479,8 @@ typedef struct drape_report {
     drape_integrator integrator; /* the one that ran */
     uint32_t iterations, stops, factorizations, solves;
     uint32_t sewing_iterations;
-    double seam_gap; /* m: largest gap left when the seams were welded; 0 without seams */
+    uint32_t motion_frames; /* steps in time while bodies moved; 0: none did */
+    double seam_gap;        /* m: largest gap left when the seams were welded; 0 without seams */
     double seconds;
     drape_row state; /* the row of the state that drape_sim_positions returns; certified, its
                       * residual_energy is the certificate's energy_left */

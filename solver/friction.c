@@ -128,6 +128,33 @@ void dr_friction_update(struct dr_friction *friction, const double *x)
     }
 }
 
+double dr_friction_let_go(const struct dr_friction *friction, const double *x, const double *w)
+{
+    double slipping = 0, all = 0;
+    for (size_t i = 0; i < friction->nodes; i++) {
+        const struct anchor *anchor = friction->anchor + i;
+        const double *from = x + 3 * i, *move = w + 3 * i;
+        double to[3] = {from[0] + move[0], from[1] + move[1], from[2] + move[2]}, unused[3];
+        if (!(anchor->limit > 0))
+            continue;
+        bool held = slip(anchor, from, unused) < DR_FRICTION_SLIP;
+        all += anchor->limit;
+        slipping += held && slip(anchor, to, unused) > 2 * DR_FRICTION_SLIP ? anchor->limit : 0;
+    }
+    return all > 0 ? slipping / all : 0;
+}
+
+void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *motor, const double centre[3])
+{
+    for (size_t i = 0; i < friction->nodes; i++) {
+        struct anchor *anchor = friction->anchor + i;
+        if (!(anchor->limit > 0))
+            continue;
+        dr_motor_move(motor + i, centre, anchor->at);
+        dr_motor_turn(motor + i, anchor->normal);
+    }
+}
+
 /* ---- the potential --------------------------------------------------------------------------- */
 
 void dr_friction_respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent)

@@ -14,6 +14,7 @@
 #ifndef DR_FRICTION_H
 #define DR_FRICTION_H
 
+#include "carry.h"
 #include "contact.h"
 
 #define DR_FRICTION_SLIP 5e-4 /* m: how far cloth may shear on skin before it slips */
@@ -37,6 +38,14 @@ size_t dr_friction_bytes(const struct dr_friction *friction);
 
 /* Anchors for the contact at x (3*nodes): the potential is another one from here on. */
 void dr_friction_update(struct dr_friction *friction, const double *x);
+
+/* The share of what all anchors can hold that those have which held at x (3*nodes) and are past
+ * twice the slip at x + w; 0 without
+ * anchors. */
+double dr_friction_let_go(const struct dr_friction *friction, const double *x, const double *w);
+
+/* Moves the anchors with the body points they sit on: node i's by motor[i] about `centre`. */
+void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *motor, const double centre[3]);
 
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_friction_energy(const struct dr_friction *friction, const double *x, double *g);

@@ -14,6 +14,12 @@ struct box {
     double low[3], high[3];
 };
 
+/* A triangle as the search wants it, in the leaves' order. */
+struct facet {
+    double a[3], ab[3], ac[3];
+    double n[3]; /* unit; zero without area */
+};
+
 struct dr_nearest {
     const double *x;
     const uint32_t *triangle;
@@ -21,6 +27,7 @@ struct dr_nearest {
     size_t leaves;         /* a power of two; leaf l has order[l T/leaves] up to order[(l+1) T/leaves] */
     uint32_t *order;       /* triangles */
     struct box *box;       /* 2*leaves - 1: those below box n are 2n+1 and 2n+2 */
+    struct facet *facet;   /* triangles */
     uint32_t *neighbor;    /* 3*triangles: across the side opposite corner k; DR_NONE: none */
     double *normal;        /* 3*triangles: unit, or zero without area */
     double *corner_normal; /* 3*vertices: angle-weighted sum of those around */
@@ -222,6 +229,14 @@ void dr_nearest_move(struct dr_nearest *nearest)
     memset(nearest->corner_normal, 0, 3 * nearest->vertices * sizeof *nearest->corner_normal);
     for (size_t t = 0; t < nearest->triangles; t++)
         add_normal(nearest, t);
+    for (size_t i = 0; i < nearest->triangles; i++) {
+        struct facet *facet = nearest->facet + i;
+        size_t t = nearest->order[i];
+        memcpy(facet->a, corner(nearest, t, 0), sizeof facet->a);
+        subtract(corner(nearest, t, 1), facet->a, facet->ab);
+        subtract(corner(nearest, t, 2), facet->a, facet->ac);
+        memcpy(facet->n, nearest->normal + 3 * t, sizeof facet->n);
+    }
 }
 
 drape_status dr_nearest_new(const double *positions, size_t vertices, const uint32_t *triangle,
@@ -238,10 +253,11 @@ drape_status dr_nearest_new(const double *positions, size_t vertices, const uint
         nearest->leaves *= 2;
     nearest->order = malloc(triangles * sizeof *nearest->order);
     nearest->box = malloc(2 * nearest->leaves * sizeof *nearest->box);
+    nearest->facet = malloc(triangles * sizeof *nearest->facet);
     nearest->neighbor = malloc(3 * triangles * sizeof *nearest->neighbor);
     nearest->normal = malloc(3 * triangles * sizeof *nearest->normal);
     nearest->corner_normal = malloc(3 * vertices * sizeof *nearest->corner_normal);
-    if (!nearest->order || !nearest->box || !nearest->neighbor || !nearest->normal ||
+    if (!nearest->order || !nearest->box || !nearest->facet || !nearest->neighbor || !nearest->normal ||
         !nearest->corner_normal || !order_triangles(nearest) || !find_neighbors(nearest)) {
         dr_nearest_free(nearest);
         return dr_out_of_memory(reterr);
@@ -256,6 +272,7 @@ struct dr_nearest *dr_nearest_free(struct dr_nearest *nearest)
     if (nearest) {
         free(nearest->order);
         free(nearest->box);
+        free(nearest->facet);
         free(nearest->neighbor);
         free(nearest->normal);
         free(nearest->corner_normal);
@@ -266,7 +283,8 @@ struct dr_nearest *dr_nearest_free(struct dr_nearest *nearest)
 
 size_t dr_nearest_bytes(const struct dr_nearest *nearest)
 {
-    size_t triangle = sizeof *nearest->order + 3 * sizeof *nearest->neighbor + 3 * sizeof *nearest->normal;
+    size_t triangle = sizeof *nearest->order + sizeof *nearest->facet + 3 * sizeof *nearest->neighbor +
+                      3 * sizeof *nearest->normal;
     return sizeof *nearest + nearest->triangles * triangle + 2 * nearest->leaves * sizeof *nearest->box +
            3 * nearest->vertices * sizeof *nearest->corner_normal;
 }
@@ -278,57 +296,54 @@ static double ratio(double part, double whole)
     return whole > 0 ? part / whole : 0; /* a collapsed side or triangle */
 }
 
-/* Barycentric weights of the point of triangle t nearest to p, by Voronoi region (Ericson, Real-Time
- * Collision Detection, 5.1.5), and the squared distance. */
-static struct dr_place nearest_in(const struct dr_nearest *nearest, uint32_t t, const double p[3])
+/* Takes the point of a facet nearest to p where that is nearer than *best: barycentric weights by Voronoi
+ * region (Ericson, Real-Time Collision Detection, 5.1.5). */
+static void improve(const struct facet *facet, uint32_t triangle, const double p[3], struct dr_place *best)
 {
-    const double *a = corner(nearest, t, 0);
-    double ab[3], ac[3], ap[3], v = 0, w = 0;
-    subtract(corner(nearest, t, 1), a, ab);
-    subtract(corner(nearest, t, 2), a, ac);
-    subtract(p, a, ap);
+    const double *ab = facet->ab, *ac = facet->ac;
+    double ap[3], a = 0, v = 0, w = 0, square = 0;
+    subtract(p, facet->a, ap);
+    double off = dot(facet->n, ap);
+    if (off * off >= best->square) /* the plane alone is too far */
+        return;
     double bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
     double a1 = dot(ab, ap), a2 = dot(ac, ap), b1 = a1 - bb, b2 = a2 - bc, c1 = a1 - bc, c2 = a2 - cc;
     double in_c = a1 * b2 - b1 * a2, in_b = c1 * a2 - a1 * c2, in_a = b1 * c2 - c1 * b2;
-    struct dr_place place = {.triangle = t, .weight = {1, 0, 0}};
     if (a1 <= 0 && a2 <= 0) {
-        /* corner a */
+        a = 1;
     } else if (b1 >= 0 && b2 <= b1) {
         v = 1;
-        place.weight[0] = 0;
     } else if (c2 >= 0 && c1 <= c2) {
         w = 1;
-        place.weight[0] = 0;
     } else if (in_c <= 0 && a1 >= 0 && b1 <= 0) {
         v = ratio(a1, a1 - b1);
-        place.weight[0] = 1 - v;
+        a = 1 - v;
     } else if (in_b <= 0 && a2 >= 0 && c2 <= 0) {
         w = ratio(a2, a2 - c2);
-        place.weight[0] = 1 - w;
+        a = 1 - w;
     } else if (in_a <= 0 && b2 >= b1 && c1 >= c2) {
         w = ratio(b2 - b1, (b2 - b1) + (c1 - c2));
         v = 1 - w;
-        place.weight[0] = 0;
     } else {
         v = ratio(in_b, in_a + in_b + in_c);
         w = ratio(in_c, in_a + in_b + in_c);
-        place.weight[0] = 1 - v - w;
+        a = 1 - v - w;
     }
-    place.weight[1] = v;
-    place.weight[2] = w;
     for (int d = 0; d < 3; d++) {
         double gap = ap[d] - v * ab[d] - w * ac[d];
-        place.square += gap * gap;
+        square += gap * gap;
     }
-    return place;
+    if (square < best->square)
+        *best = (struct dr_place){triangle, {a, v, w}, square};
 }
 
 static double box_square(const struct box *box, const double p[3])
 {
     double square = 0;
     for (int d = 0; d < 3; d++) {
-        double gap = fmax(fmax(box->low[d] - p[d], p[d] - box->high[d]), 0);
-        square += gap * gap;
+        double below = box->low[d] - p[d], above = p[d] - box->high[d];
+        double gap = below > above ? below : above; /* fmax would be a call */
+        square += gap > 0 ? gap * gap : 0;
     }
     return square;
 }
@@ -339,11 +354,8 @@ static void search(const struct dr_nearest *nearest, size_t n, const double p[3]
     size_t inner = nearest->leaves - 1;
     if (n >= inner) {
         size_t leaf = n - inner, to = (leaf + 1) * nearest->triangles / nearest->leaves;
-        for (size_t i = leaf * nearest->triangles / nearest->leaves; i < to; i++) {
-            struct dr_place place = nearest_in(nearest, nearest->order[i], p);
-            if (place.square < best->square)
-                *best = place;
-        }
+        for (size_t i = leaf * nearest->triangles / nearest->leaves; i < to; i++)
+            improve(nearest->facet + i, nearest->order[i], p, best);
         return;
     }
     size_t nearer = 2 * n + 1, farther = nearer + 1;

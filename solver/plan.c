@@ -68,6 +68,11 @@ static const char *reason_not_to_sew(const drape_scene *scene)
     return scene->pieces ? "only the start is evaluated" : "the seams start closed";
 }
 
+static const char *reason_not_to_move(const drape_scene *scene)
+{
+    return scene->path ? "only the start is evaluated" : "no body moves";
+}
+
 static bool has_friction(const drape_scene *scene, bool self)
 {
     double most = 0;
@@ -108,6 +113,8 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
            "no tack in the scene");
     decide(plan, DR_TERM_SELF_CONTACT, "self-contact", cloth->self, 0, reason_without_self(scene, options));
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
+    decide(plan, DR_TERM_MOTION, "motion", plan->moved.mesh, dr_scene_motion_bytes(scene),
+           reason_not_to_move(scene));
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
     decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
     decide(plan, DR_TERM_VELOCITIES, "velocities", plan->method->moves, 0, "the method has none");
@@ -132,6 +139,7 @@ void dr_plan_compile(struct drape_sim *sim)
     plan->method = method_of(scene, &sim->options);
     plan->welded = (struct dr_cloth_plan){
         .scene = scene,
+        .body = scene->body,
         .mesh = scene->mesh,
         .bend = scene->bend,
         .gravity = g[0] != 0 || g[1] != 0 || g[2] != 0,
@@ -146,6 +154,7 @@ void dr_plan_compile(struct drape_sim *sim)
     if (scene->pieces && sim->options.max_iterations)
         plan->pieces = (struct dr_cloth_plan){
             .scene = scene,
+            .body = scene->first_body ? scene->first_body : scene->body,
             .mesh = scene->pieces,
             .bend = scene->pieces_bend,
             .contact = scene->bodies > 0,
@@ -154,6 +163,10 @@ void dr_plan_compile(struct drape_sim *sim)
             .links = scene->seams,
             .matrix = DR_MATRIX_CHOLESKY,
         };
+    if (scene->path && sim->options.max_iterations) {
+        plan->moved = plan->welded;
+        plan->moved.matrix = DR_MATRIX_CHOLESKY;
+    }
     decide_terms(plan, scene, &sim->options);
     plan->term[DR_TERM_STATE].bytes +=
         sizeof *sim + 3 * (scene->vertices + scene->mesh->nodes) * sizeof(double);
@@ -173,7 +186,10 @@ void dr_plan_keep(struct dr_plan *plan, enum dr_term term)
 void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS])
 {
     for (int t = 0; t < DR_TERMS; t++) {
-        plan->term[phase == DRAPE_PHASE_SEWING ? DR_TERM_SEWING : t].bytes += bytes[t];
+        int of = phase == DRAPE_PHASE_SEWING   ? DR_TERM_SEWING
+                 : phase == DRAPE_PHASE_MOVING ? DR_TERM_MOTION
+                                               : t;
+        plan->term[of].bytes += bytes[t];
         plan->phase_bytes[phase] += bytes[t];
     }
 }
@@ -187,5 +203,10 @@ void dr_plan_report(const struct dr_plan *plan, drape_report *report)
     report->peak_bytes = 0;
     for (int t = 0; t < DR_TERMS; t++)
         report->peak_bytes += plan->term[t].bytes;
-    report->peak_bytes -= phase[0] < phase[1] ? phase[0] : phase[1];
+    size_t most = 0;
+    for (int p = 0; p < DR_PHASES; p++) {
+        report->peak_bytes -= phase[p];
+        most = phase[p] > most ? phase[p] : most;
+    }
+    report->peak_bytes += most;
 }

@@ -26,6 +26,7 @@ enum dr_term {
     DR_TERM_TACKS,
     DR_TERM_SELF_CONTACT,
     DR_TERM_SEWING, /* all that only sewing needs */
+    DR_TERM_MOTION, /* and all that only bodies in motion need */
     DR_TERM_JACOBIAN,
     DR_TERM_GEOMETRIC_STIFFNESS,
     DR_TERM_VELOCITIES,
@@ -37,9 +38,13 @@ enum dr_term {
 
 enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
 
+/* Those that hold memory of their own: sewing, moving, draping. */
+#define DR_PHASES (DRAPE_PHASE_DRAPING + 1)
+
 /* The mechanics of one mesh. */
 struct dr_cloth_plan {
-    const drape_scene *scene;              /* whose fabrics, gravity and bodies they are */
+    const drape_scene *scene;              /* whose fabrics and gravity they are */
+    struct dr_body *const *body;           /* scene->bodies of them */
     const struct dr_mesh *mesh;            /* NULL: there is no such mesh */
     const struct dr_bend *bend;            /* NULL: left out */
     bool gravity, contact, friction, self; /* false: left out */
@@ -54,7 +59,8 @@ struct dr_plan {
     struct dr_cloth_plan pieces;    /* to be sewn */
     struct dr_cloth_plan welded;    /* to be draped */
     drape_term term[DR_TERMS];
-    size_t phase_bytes[2]; /* by drape_phase: what only it holds */
+    struct dr_cloth_plan moved;    /* to follow bodies in motion, which bring their own `body` */
+    size_t phase_bytes[DR_PHASES]; /* by drape_phase: what only it holds */
 };
 
 /* Fills sim->plan, and in sim->report the method, stop rule and integrator that will run. */
@@ -66,8 +72,8 @@ void dr_plan_keep(struct dr_plan *plan, enum dr_term term);
 /* Notes what a phase held besides the scene, when it ends. */
 void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS]);
 
-/* Fills report->term and report->peak_bytes: the terms' sum, but for the lesser of the two phases, which do
- * not hold theirs at the same time. */
+/* Fills report->term and report->peak_bytes: the terms' sum, but for all phases but the one that holds most,
+ * as they do not hold theirs at the same time. */
 void dr_plan_report(const struct dr_plan *plan, drape_report *report);
 
 #endif

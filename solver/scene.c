@@ -501,6 +501,71 @@ static drape_status new_bends(const drape_scene_desc *desc, drape_scene *scene, 
     return status;
 }
 
+static double longest_move(const double *from, const double *to, size_t vertices)
+{
+    double longest = 0; /* squared */
+    for (size_t v = 0; v < vertices; v++) {
+        double square = 0;
+        for (size_t d = 0; d < 3; d++)
+            square += (to[3 * v + d] - from[3 * v + d]) * (to[3 * v + d] - from[3 * v + d]);
+        longest = fmax(longest, square);
+    }
+    return sqrt(longest);
+}
+
+static struct dr_path *free_path(struct dr_path *path)
+{
+    if (path) {
+        free(path->positions);
+        free(path->triangle);
+        free(path);
+    }
+    return NULL;
+}
+
+/* NULL: out of memory. */
+static struct dr_path *new_path(const drape_body *desc)
+{
+    struct dr_path *path = calloc(1, sizeof *path);
+    size_t numbers = 3 * desc->vertices;
+    if (!path)
+        return NULL;
+    path->desc = *desc;
+    path->positions = malloc((desc->keyframes + 1) * numbers * sizeof *path->positions);
+    path->triangle = copy_of(desc->triangle, 3 * desc->triangles, sizeof *path->triangle);
+    if (!path->positions || !path->triangle)
+        return free_path(path);
+    memcpy(path->positions, desc->positions, numbers * sizeof *path->positions);
+    for (size_t k = 0; k < desc->keyframes; k++) {
+        double *before = path->positions + k * numbers;
+        memcpy(before + numbers, desc->keyframe[k], numbers * sizeof *before);
+        path->longest_move = fmax(path->longest_move, longest_move(before, before + numbers, desc->vertices));
+    }
+    path->desc.positions = path->positions;
+    path->desc.triangle = path->triangle;
+    path->desc.keyframe = NULL; /* borrowed */
+    return path;
+}
+
+/* A body that moves: its path, what it is when the cloth is draped, and, if that is to come first, when it is
+ * sewn. */
+static drape_status new_moving_body(const drape_body *desc, drape_scene *scene, size_t b, drape_error *reterr)
+{
+    drape_body last = *desc, first = *desc;
+    if (!scene->path && !(scene->path = calloc(scene->bodies, sizeof(struct dr_path *))))
+        return dr_out_of_memory(reterr);
+    if (!(scene->path[b] = new_path(desc)))
+        return dr_out_of_memory(reterr);
+    last.positions = desc->keyframe[desc->keyframes - 1];
+    last.keyframes = first.keyframes = 0;
+    drape_status status = dr_body_new(&last, (int64_t)b, &scene->body[b], reterr);
+    if (status < 0 || !scene->pieces)
+        return status;
+    if (!scene->first_body && !(scene->first_body = calloc(scene->bodies, sizeof(struct dr_body *))))
+        return dr_out_of_memory(reterr);
+    return dr_body_new(&first, (int64_t)b, &scene->first_body[b], reterr);
+}
+
 static drape_status new_bodies(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
     scene->body = calloc(desc->bodies ? desc->bodies : 1, sizeof(struct dr_body *));
@@ -508,10 +573,15 @@ static drape_status new_bodies(const drape_scene_desc *desc, drape_scene *scene,
         return dr_out_of_memory(reterr);
     scene->bodies = desc->bodies;
     for (size_t b = 0; b < desc->bodies; b++) {
-        drape_status status = dr_body_new(desc->body + b, (int64_t)b, &scene->body[b], reterr);
+        const drape_body *body = desc->body + b;
+        drape_status status = body->keyframes ? new_moving_body(body, scene, b, reterr)
+                                              : dr_body_new(body, (int64_t)b, &scene->body[b], reterr);
         if (status < 0)
             return status;
     }
+    for (size_t b = 0; scene->first_body && b < desc->bodies; b++)
+        if (!scene->first_body[b])
+            scene->first_body[b] = scene->body[b];
     if (scene->tacks)
         dr_lines_lift(scene);
     return DRAPE_OK;
@@ -598,8 +668,15 @@ drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, dr
 drape_scene *drape_scene_free(drape_scene *scene)
 {
     if (scene) {
-        for (size_t b = 0; b < scene->bodies; b++)
+        for (size_t b = 0; b < scene->bodies; b++) {
+            if (scene->first_body && scene->first_body[b] != scene->body[b])
+                dr_body_free(scene->first_body[b]);
+            if (scene->path)
+                free_path(scene->path[b]);
             dr_body_free(scene->body[b]);
+        }
+        free(scene->path);
+        free(scene->first_body);
         free(scene->body);
         free(scene->bar);
         free(scene->hinge);
@@ -621,6 +698,25 @@ drape_scene *drape_scene_free(drape_scene *scene)
     return NULL;
 }
 
+static size_t path_bytes(const struct dr_path *path)
+{
+    const drape_body *desc = &path->desc;
+    return sizeof *path + (desc->keyframes + 1) * 3 * desc->vertices * sizeof *path->positions +
+           3 * desc->triangles * sizeof *path->triangle;
+}
+
+size_t dr_scene_motion_bytes(const drape_scene *scene)
+{
+    size_t bytes = 0;
+    for (size_t b = 0; b < scene->bodies; b++) {
+        if (scene->path && scene->path[b])
+            bytes += path_bytes(scene->path[b]);
+        if (scene->first_body && scene->first_body[b] != scene->body[b])
+            bytes += dr_body_bytes(scene->first_body[b]);
+    }
+    return bytes;
+}
+
 size_t dr_scene_bytes(const drape_scene *scene)
 {
     size_t bytes = sizeof *scene + scene->vertices * (4 * sizeof(double) + sizeof(uint32_t)) +
@@ -635,6 +731,7 @@ size_t dr_scene_bytes(const drape_scene *scene)
         bytes += dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend);
     for (size_t b = 0; b < scene->bodies; b++)
         bytes += dr_body_bytes(scene->body[b]);
+    bytes += dr_scene_motion_bytes(scene);
     return bytes;
 }
 

@@ -16,6 +16,14 @@
  * along a seam, stiff ones close cleanly. */
 #define DR_SEWING_RIGIDITY 1e-2
 
+/* How a body mesh moves. */
+struct dr_path {
+    drape_body desc;     /* at its start; the arrays are ours */
+    double *positions;   /* 3*vertices * (keyframes + 1), the start first */
+    uint32_t *triangle;  /* 3*triangles */
+    double longest_move; /* m: of any vertex from one keyframe to the next */
+};
+
 struct drape_scene {
     size_t vertices;
     double *positions;     /* 3*vertices: the start */
@@ -41,14 +49,17 @@ struct drape_scene {
     struct dr_hinge *hinge; /* of the folds, likewise */
     struct dr_tack *tack;
     size_t bodies;
-    struct dr_body **body;
-    size_t parts;    /* connected components of the welded mesh */
-    uint32_t *part;  /* nodes: component of each */
-    bool *part_held; /* parts: it has a held node, or a tacked one */
+    struct dr_body **body;       /* bodies: as they stand when the cloth is draped */
+    struct dr_body **first_body; /* bodies: as they stand when it is sewn; NULL: those above */
+    struct dr_path **path;       /* bodies: how each moves, NULL for one that stands; NULL: none moves */
+    size_t parts;                /* connected components of the welded mesh */
+    uint32_t *part;              /* nodes: component of each */
+    bool *part_held;             /* parts: it has a held node, or a tacked one */
 };
 
-/* Bytes held by the scene. */
+/* Bytes held by the scene, and those of them that only motion needs. */
 size_t dr_scene_bytes(const drape_scene *scene);
+size_t dr_scene_motion_bytes(const drape_scene *scene);
 
 /* Node positions x (3*nodes) for vertex positions v (3*vertices). */
 void dr_scene_weld(const drape_scene *scene, const double *v, double *x);

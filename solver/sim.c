@@ -180,9 +180,10 @@ void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress)
 static void report_stages(struct drape_sim *sim)
 {
     static const char *const name[DR_STAGES] = {
-        [DR_STAGE_PREPARE] = "prepare",     [DR_STAGE_SEW] = "sew",     [DR_STAGE_ASSEMBLE] = "assemble",
-        [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve", [DR_STAGE_MOVE] = "move",
-        [DR_STAGE_CERTIFY] = "certify",
+        [DR_STAGE_PREPARE] = "prepare",     [DR_STAGE_SEW] = "sew",
+        [DR_STAGE_FOLLOW] = "motion",       [DR_STAGE_ASSEMBLE] = "assemble",
+        [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve",
+        [DR_STAGE_MOVE] = "move",           [DR_STAGE_CERTIFY] = "certify",
     };
     _Static_assert(DR_STAGES <= DRAPE_MAX_STAGES, "the report has room for every stage");
     for (int i = 0; i < DR_STAGES; i++)
@@ -210,8 +211,11 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
         status = dr_sew(sim, reterr);
     if (status >= 0) {
         dr_scene_weld(scene, sim->positions, x);
-        status = dr_relax(sim, x, reterr);
+        if (sim->plan.moved.mesh)
+            status = dr_move(sim, x, reterr);
     }
+    if (status >= 0)
+        status = dr_relax(sim, x, reterr);
     if (status >= 0) {
         unweld(scene, x, sim->positions);
         sim->report.seconds = dr_clock() - sim->began;

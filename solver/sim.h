@@ -10,6 +10,7 @@
 enum dr_stage {
     DR_STAGE_PREPARE = 0, /* matrices analysed, buffers made */
     DR_STAGE_SEW,
+    DR_STAGE_FOLLOW, /* bodies in motion */
     DR_STAGE_ASSEMBLE,
     DR_STAGE_FACTORISE,
     DR_STAGE_SOLVE,
@@ -55,6 +56,11 @@ void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress);
 /* Closes the seams: from the start positions in sim->positions to positions whose seams are
  * DR_WELD_GAP or less apart, as far as the step budget allows; the report gets the gap that is left. */
 drape_status dr_sew(struct drape_sim *sim, drape_error *reterr);
+
+/* Follows the bodies along their paths: x (3*nodes) goes from where the cloth is when they start to where it
+ * is when they have come to stand. Out of time or cancelled on the way, it carries the cloth there at once.
+ */
+drape_status dr_move(struct drape_sim *sim, double *x, drape_error *reterr);
 
 /* Energy k/2 sum |x_i - x_j|^2 of zero-length springs between sewn vertices (J); adds their force to f
  * and finds the widest gap (m). x and f are 3*vertices, seam 2*seams. */

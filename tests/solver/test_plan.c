@@ -132,7 +132,7 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
     }
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
     assert_string_equal(left_out, " strain-stress-curves elastics folds contact friction tacks self-contact "
-                                  "sewing conjugate-gradients certificate fit");
+                                  "sewing motion conjugate-gradients certificate fit");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -286,12 +286,54 @@ static void test_plan__sewing_has_its_own_bytes_and_gives_them_back(void **state
     assert_string_equal(term_of(&report, "sewing")->reason, "no seams");
 }
 
+static void test_plan__motion_has_its_own_bytes_and_gives_them_back(void **state)
+{
+    (void)state;
+    static const double here[] = {9, 9, 9, 10, 9, 9, 9, 10, 9, 9, 9, 10};
+    static const double there[] = {9, 9, 8, 10, 9, 8, 9, 10, 8, 9, 9, 9};
+    static const double *const keyframe[] = {there};
+    static const uint32_t sides[] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
+    const drape_body body = {.offset = 0.003,
+                             .positions = here,
+                             .vertices = 4,
+                             .triangle = sides,
+                             .triangles = 4,
+                             .keyframes = 1,
+                             .keyframe = keyframe,
+                             .motion_seconds = 0.1};
+    struct example e;
+    for (int sewn = 0; sewn < 2; sewn++) {
+        make(&e);
+        if (sewn)
+            cut(&e, 0.02);
+        e.ball = body;
+        add_ball(&e);
+        drape_report report = run(&e);
+        const drape_term *motion = term_of(&report, "motion"), *jacobian = term_of(&report, "jacobian");
+        assert_true(motion->kept && motion->bytes > jacobian->bytes);
+        assert_int_equal(term_of(&report, "sewing")->kept, sewn);
+        assert_true(report.peak_bytes < sum(&report));
+        assert_true(report.motion_frames > 0);
+
+        e.options.max_iterations = 0;
+        report = run(&e);
+        assert_false(term_of(&report, "motion")->kept);
+        assert_string_equal(term_of(&report, "motion")->reason, "only the start is evaluated");
+        assert_int_equal(report.peak_bytes, sum(&report));
+        assert_int_equal(report.motion_frames, 0);
+    }
+    make(&e);
+    drape_report report = run(&e);
+    assert_string_equal(term_of(&report, "motion")->reason, "no body moves");
+}
+
 int main(void)
 {
     drape_blas_prepare();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plan__a_plain_scene_keeps_the_least),
         cmocka_unit_test(test_plan__a_change_moves_its_own_terms_alone),
+        cmocka_unit_test(test_plan__motion_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__sewing_has_its_own_bytes_and_gives_them_back),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
