@@ -9,7 +9,7 @@
 #include "objfile.h"
 #include "scene.h"
 
-enum { MAX_BODIES = 16, MAX_LINES = 64 };
+enum { MAX_BODIES = 16, MAX_KEYFRAMES = 32, MAX_LINES = 64 };
 
 /* FILE:SHAPE:STIFFNESS of an elastic or a fold. */
 struct line_argument {
@@ -23,6 +23,8 @@ struct arguments {
     size_t bodies;
     struct line_argument elastic[MAX_LINES], fold[MAX_LINES];
     size_t elastics, folds;
+    const char *keyframe[MAX_KEYFRAMES];
+    size_t keyframes;
     struct scene scene; /* only members without arrays are set while parsing */
 };
 
@@ -32,6 +34,8 @@ enum {
     OPTION_STOP_ON,
     OPTION_FRICTION,
     OPTION_OFFSET,
+    OPTION_MOTION,
+    OPTION_MOTION_SECONDS,
     OPTION_NAME,
     OPTION_ELASTIC,
     OPTION_FOLD,
@@ -56,6 +60,8 @@ static const struct argp_option options[] = {
      "and metre; may be given again",
      1},
     {"body", 'b', "OBJ", 0, "A body, closed, normals outwards; may be given again", 1},
+    {"motion", OPTION_MOTION, "OBJ", 0, "A posture that the last body moves to, may be given again", 1},
+    {"motion-seconds", OPTION_MOTION_SECONDS, "S", 0, "How long it moves", 1},
     {"material", 'm', "NAME", 0, "A fabric of `drape materials`", 1},
     {"name", OPTION_NAME, "TEXT", 0, "What to call the job (the garment's file name)", 1},
     {"friction", OPTION_FRICTION, "MU", 0, "Between cloth and bodies", 1},
@@ -130,6 +136,9 @@ static void check_complete(const struct arguments *arguments, struct argp_state 
     if (!arguments->garment) {
         argp_error(state, "--garment is missing");
     }
+    if (arguments->keyframes > 0 && arguments->bodies == 0) {
+        argp_error(state, "--motion without a --body that moves");
+    }
     if (!arguments->scene.material.preset) {
         argp_error(state, "--material is missing; `drape materials` lists them");
     }
@@ -154,6 +163,15 @@ static error_t parse(int key, char *argument, struct argp_state *state)
             argp_error(state, "more than %d bodies", MAX_BODIES);
         }
         arguments->body[arguments->bodies++] = argument;
+        return 0;
+    case OPTION_MOTION:
+        if (arguments->keyframes == MAX_KEYFRAMES) {
+            argp_error(state, "more than %d postures", MAX_KEYFRAMES);
+        }
+        arguments->keyframe[arguments->keyframes++] = argument;
+        return 0;
+    case OPTION_MOTION_SECONDS:
+        scene->motion_seconds = cli_number(state, "motion-seconds", argument, 1e-3, 1e4);
         return 0;
     case 'm':
         scene->material.preset = argument;
@@ -244,11 +262,18 @@ static int read_files(const struct arguments *arguments, struct scene *scene, st
         return -1;
     }
     scene->body = calloc(MAX_BODIES, sizeof *scene->body);
-    if (!scene->body) {
+    scene->keyframe = calloc(MAX_KEYFRAMES, sizeof *scene->keyframe);
+    if (!scene->body || !scene->keyframe) {
         return failure_no_memory(failure);
     }
     for (; scene->bodies < arguments->bodies; scene->bodies++) {
         if (objfile_read(arguments->body[scene->bodies], false, &scene->body[scene->bodies], failure) < 0) {
+            return -1;
+        }
+    }
+    for (; scene->keyframes < arguments->keyframes; scene->keyframes++) {
+        if (objfile_read(arguments->keyframe[scene->keyframes], false, &scene->keyframe[scene->keyframes],
+                         failure) < 0) {
             return -1;
         }
     }

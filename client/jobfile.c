@@ -82,15 +82,35 @@ static bool read_capsule(const json_t *json, struct picture_body *body)
            copy_numbers(json_object_get(json, "b"), body->axis, 3) && body->radius > 0;
 }
 
+/* The last posture of a body that moves. */
+static int read_motion(const char *path, const json_t *keyframe, struct picture_body *body,
+                       struct failure *failure)
+{
+    const json_t *positions = json_object_get(keyframe, "positions");
+    size_t numbers = 3 * body->mesh.vertices;
+    body->arrived = malloc(numbers * sizeof *body->arrived);
+    if (!body->arrived) {
+        return failure_no_memory(failure);
+    }
+    if (json_array_size(positions) != numbers || !copy_numbers(positions, body->arrived, numbers)) {
+        return failure_set(failure, EXIT_USAGE, "%s: a body moves to other vertices than its own", path);
+    }
+    return 0;
+}
+
 /* 1: read, 0: not shown (a reference), -1: wrong. */
 static int read_body(const char *path, const json_t *json, struct picture_body *body, struct failure *failure)
 {
-    const json_t *mesh = json_object_get(json, "mesh");
-    if (json_object_get(json, "ref") || json_object_get(mesh, "ref")) {
+    const json_t *mesh = json_object_get(json, "mesh"), *motion = json_object_get(json, "motion");
+    const json_t *last = json_array_size(motion) ? json_array_get(motion, json_array_size(motion) - 1) : NULL;
+    if (json_object_get(json, "ref") || json_object_get(mesh, "ref") || json_object_get(last, "ref")) {
         return 0;
     }
     if (mesh) {
-        return read_mesh(path, "a body's mesh", mesh, &body->mesh, failure) < 0 ? -1 : 1;
+        if (read_mesh(path, "a body's mesh", mesh, &body->mesh, failure) < 0) {
+            return -1;
+        }
+        return last && read_motion(path, last, body, failure) < 0 ? -1 : 1;
     }
     if (read_sphere(json_object_get(json, "sphere"), body) ||
         read_plane(json_object_get(json, "plane"), body) ||
@@ -114,6 +134,7 @@ static int read_bodies(const char *path, const json_t *bodies, struct picture *p
     for (size_t i = 0; i < count; i++) {
         int status = read_body(path, json_array_get(bodies, i), &picture->body[picture->bodies], failure);
         if (status < 0) {
+            picture->bodies++; /* it may hold something */
             return -1;
         }
         picture->bodies += status == 1;
@@ -201,6 +222,12 @@ int jobfile_set_result(const char *path, const char *data, size_t bytes, const c
     }
     surface_done(&picture->cloth);
     picture->cloth = cloth;
+    for (size_t b = 0; b < picture->bodies; b++) {
+        struct picture_body *body = &picture->body[b];
+        if (body->arrived) { /* draped means moved, too */
+            memcpy(body->mesh.positions, body->arrived, 3 * body->mesh.vertices * sizeof *body->arrived);
+        }
+    }
     picture->map = cloth.value ? (map ? picture_map_find(map) : picture_maps) : NULL;
     return 0;
 }

@@ -67,6 +67,7 @@ void picture_done(struct picture *picture)
     surface_done(&picture->cloth);
     for (size_t b = 0; b < picture->bodies; b++) {
         surface_done(&picture->body[b].mesh);
+        free(picture->body[b].arrived);
     }
     free(picture->body);
     *picture = (struct picture){0};

@@ -10,6 +10,7 @@ enum picture_shape { PICTURE_MESH = 0, PICTURE_SPHERE, PICTURE_PLANE, PICTURE_CA
 struct picture_body {
     enum picture_shape shape;
     struct surface mesh; /* MESH */
+    double *arrived;     /* MESH: 3*vertices, where its motion ends; NULL: it stands */
     double point[3];     /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
     double axis[3];      /* PLANE normal; CAPSULE the other end */
     double radius;       /* SPHERE, CAPSULE (m) */

@@ -68,6 +68,15 @@ static void put_sewing(FILE *file, const json_t *sewing)
     }
 }
 
+static void put_motion(FILE *file, const json_t *motion)
+{
+    if (json_integer_value(json_object_get(motion, "frames")) > 0) {
+        put_label(file, "motion");
+        put_count(file, "", motion, "frames", "frames");
+        fputc('\n', file);
+    }
+}
+
 static void put_seconds(FILE *file, const json_t *report)
 {
     const json_t *seconds = json_object_get(report, "seconds");
@@ -218,6 +227,7 @@ static void put_report(FILE *file, const json_t *report)
     put_text(file, "ended because", text_of(report, "reason"));
     put_text(file, "method", text_of(report, "method"));
     put_sewing(file, json_object_get(report, "sewing"));
+    put_motion(file, json_object_get(report, "motion"));
     put_counts(file, report);
     put_seconds(file, report);
     put_memory(file, report);

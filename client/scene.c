@@ -16,6 +16,7 @@ struct scene scene_default(void)
         .thickness = -1,
         .body_offset = -1,
         .body_friction = -1,
+        .motion_seconds = -1,
         .solver = {.time_step = -1, .tolerance = -1, .time_limit = -1, .max_iterations = -1},
     };
 }
@@ -39,6 +40,10 @@ void scene_done(struct scene *scene)
         objfile_line_done(&scene->line[i]);
     }
     free(scene->line);
+    for (size_t k = 0; k < scene->keyframes; k++) {
+        surface_done(&scene->keyframe[k]);
+    }
+    free(scene->keyframe);
     free(scene->seam);
     free(scene->pin);
     *scene = scene_default();
@@ -160,6 +165,21 @@ static int write_cloth(FILE *file, const struct scene *scene)
     return status;
 }
 
+/* The postures that the last body takes; its triangles are theirs. */
+static void write_motion(FILE *file, const struct scene *scene)
+{
+    fprintf(file, ",\n\"motion\": [");
+    for (size_t k = 0; k < scene->keyframes; k++) {
+        fprintf(file, "%s{", k > 0 ? ",\n" : "");
+        write_reals(file, "positions", scene->keyframe[k].positions, 3 * scene->keyframe[k].vertices);
+        fprintf(file, "}");
+    }
+    fprintf(file, "]");
+    if (scene->motion_seconds >= 0) {
+        fprintf(file, ", \"motion_seconds\": " NUMBER, scene->motion_seconds);
+    }
+}
+
 static void write_bodies(FILE *file, const struct scene *scene)
 {
     fprintf(file, ",\n\"bodies\": [");
@@ -171,6 +191,9 @@ static void write_bodies(FILE *file, const struct scene *scene)
         }
         if (scene->body_friction >= 0) {
             fprintf(file, ", \"friction\": " NUMBER, scene->body_friction);
+        }
+        if (scene->keyframes > 0 && b + 1 == scene->bodies) {
+            write_motion(file, scene);
         }
         fprintf(file, "}");
     }

@@ -16,7 +16,7 @@ struct scene_material {
 };
 
 struct scene_edges { /* an elastic or a fold */
-    uint32_t *edge; /* 2*edges, zero-based; freed with the scene */
+    uint32_t *edge;  /* 2*edges, zero-based; freed with the scene */
     size_t edges;
     double shape;     /* factor; degrees */
     double stiffness; /* N; N m per rad and metre */
@@ -44,7 +44,10 @@ struct scene {
     size_t elastics, folds;
     struct surface *body; /* bodies */
     size_t bodies;
-    double thickness;                  /* m: at which cloth feels cloth. Negative: the server's default */
+    double thickness;         /* m: at which cloth feels cloth. Negative: the server's default */
+    struct surface *keyframe; /* keyframes: postures of the last body */
+    size_t keyframes;
+    double motion_seconds;             /* negative: the server's default */
     double body_offset, body_friction; /* m; Coulomb. Negative: the server's default */
     const char *self_contact;          /* borrowed; may be NULL */
     bool fit;                          /* measure how it fits */

@@ -25,9 +25,14 @@ static const struct member MATERIAL_MEMBER[] = {{"stretch_weft", "stretch/weft"}
                                                 {"shrink_warp", "shrink/warp"},
                                                 {NULL, NULL}};
 /* the other members of a body have other names in each kind, and are all checked before the solver */
-static const struct member BODY_MEMBER[] = {
-    {"offset", "offset"},           {"positions", "mesh/positions"}, {"vertices", "mesh/positions"},
-    {"triangle", "mesh/triangles"}, {"triangles", "mesh/triangles"}, {NULL, NULL}};
+static const struct member BODY_MEMBER[] = {{"offset", "offset"},
+                                            {"positions", "mesh/positions"},
+                                            {"vertices", "mesh/positions"},
+                                            {"triangle", "mesh/triangles"},
+                                            {"triangles", "mesh/triangles"},
+                                            {"keyframes", "motion"},
+                                            {"motion_seconds", "motion_seconds"},
+                                            {NULL, NULL}};
 static const struct member LINE_MEMBER[] = {
     {"factor", "factor"}, {"stiffness", "stiffness"}, {"angle", "angle"}, {"edge", "edges"}, {NULL, NULL}};
 static const struct member TACK_MEMBER[] = {{"vertex", "vertex"},           {"body", "body"},
@@ -160,6 +165,7 @@ json_t *schema_energies_json(const drape_energies *energies)
 }
 
 static const char *const PHASE[] = {[DRAPE_PHASE_SEWING] = "sewing",
+                                    [DRAPE_PHASE_MOVING] = "moving",
                                     [DRAPE_PHASE_DRAPING] = "draping",
                                     [DRAPE_PHASE_CERTIFYING] = "certifying"};
 
@@ -208,6 +214,12 @@ static json_t *sewing_json(const drape_report *report)
     int failed = json_object_set_new(object, "iterations", count(report->sewing_iterations));
     failed |= json_object_set_new(object, "seam_gap", number(report->seam_gap));
     return finish(object, failed);
+}
+
+static json_t *motion_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    return finish(object, json_object_set_new(object, "frames", count(report->motion_frames)));
 }
 
 static json_t *stages_json(const drape_report *report)
@@ -301,6 +313,7 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "factorizations", count(report->factorizations));
     failed |= json_object_set_new(object, "solves", count(report->solves));
     failed |= json_object_set_new(object, "sewing", sewing_json(report));
+    failed |= json_object_set_new(object, "motion", motion_json(report));
     failed |= json_object_set_new(object, "seconds", number(report->seconds));
     failed |= json_object_set_new(object, "stages", stages_json(report));
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));

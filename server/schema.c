@@ -793,18 +793,107 @@ static int read_body_shape(struct reader *r, const json_t *object, const char *p
     return SHAPE[found].read(r, json_object_get(object, SHAPE[found].member), at, ret);
 }
 
+/* {positions} alone: the triangles are the body's. */
+static int read_positions(struct reader *r, const json_t *object, const char *pointer, struct mesh *ret)
+{
+    static const char *const MEMBERS[] = {"positions", NULL};
+    char at[JSONTEXT_POINTER_BYTES];
+    struct numbers numbers;
+    const json_t *positions = json_object_get(object, "positions");
+    jsontext_pointer(at, sizeof at, pointer, "positions");
+    if (check_object(r, object, pointer, MEMBERS))
+        return -1;
+    if (!positions)
+        return problem_at(r->problem, PROBLEM_INVALID, at, "is missing");
+    if (jsontext_get_numbers(&r->json, positions, at, &numbers, r->problem))
+        return -1;
+    if (numbers.count % 3 != 0)
+        return problem_at(r->problem, PROBLEM_INVALID, at, "has %zu numbers, which is not a multiple of 3",
+                          numbers.count);
+    ret->positions = malloc((numbers.count + 1) * sizeof *ret->positions);
+    if (!ret->positions)
+        return out_of_memory(r);
+    if (numbers.count)
+        memcpy(ret->positions, numbers.value, numbers.count * sizeof *ret->positions);
+    ret->vertices = numbers.count / 3;
+    return 0;
+}
+
+/* One posture of the body's mesh: a mesh of the same triangles, or its positions alone. */
+static int read_keyframe(struct reader *r, const json_t *object, const char *pointer, const drape_body *body,
+                         struct mesh *ret)
+{
+    int failed = json_object_get(object, "ref") ? load_ref(r, object, pointer, ret)
+                 : json_object_get(object, "triangles")
+                     ? meshfile_from_json(&r->json, object, pointer, r->limits, ret, r->problem)
+                     : read_positions(r, object, pointer, ret);
+    if (failed)
+        return -1;
+    if (ret->vertices != body->vertices)
+        return problem_at(r->problem, PROBLEM_INVALID, pointer, "%zu vertices, where the body has %zu",
+                          ret->vertices, body->vertices);
+    if (ret->triangle &&
+        (ret->triangles != body->triangles ||
+         memcmp(ret->triangle, body->triangle, 3 * body->triangles * sizeof *body->triangle) != 0))
+        return problem_at(r->problem, PROBLEM_INVALID, pointer,
+                          "its triangles are not those of the body's mesh");
+    return 0;
+}
+
+static int read_motion(struct reader *r, const json_t *object, const char *pointer, struct motion *motion,
+                       drape_body *ret)
+{
+    static const struct range SECONDS = {DRAPE_MIN_MOTION, DRAPE_MAX_MOTION, "must be between 0.01 and 60"};
+    char at[JSONTEXT_POINTER_BYTES], frame[JSONTEXT_POINTER_BYTES];
+    const json_t *array = json_object_get(object, "motion");
+    size_t n = json_array_size(array);
+    ret->motion_seconds = DRAPE_DEFAULT_MOTION;
+    if (get_number(r, object, pointer, "motion_seconds", &SECONDS, &ret->motion_seconds))
+        return -1;
+    if (!array)
+        return json_object_get(object, "motion_seconds")
+                   ? refuse(r, PROBLEM_INVALID, pointer, "motion_seconds", "there is no motion")
+                   : 0;
+    if (!json_is_array(array))
+        return refuse(r, PROBLEM_INVALID, pointer, "motion", "must be an array of meshes");
+    if (n > DRAPE_MAX_KEYFRAMES)
+        return refuse(r, PROBLEM_TOO_LARGE, pointer, "motion", "%zu, the limit is %d", n,
+                      DRAPE_MAX_KEYFRAMES);
+    if (ret->kind != DRAPE_BODY_MESH)
+        return refuse(r, PROBLEM_INVALID, pointer, "motion", "only a mesh moves");
+    if (n == 0)
+        return 0;
+    jsontext_pointer(at, sizeof at, pointer, "motion");
+    motion->mesh = calloc(n, sizeof *motion->mesh);
+    motion->positions = calloc(n, sizeof *motion->positions);
+    if (!motion->mesh || !motion->positions)
+        return out_of_memory(r);
+    for (; motion->keyframes < n; motion->keyframes++) {
+        struct mesh *mesh = motion->mesh + motion->keyframes;
+        element_pointer(frame, sizeof frame, at, motion->keyframes);
+        if (read_keyframe(r, json_array_get(array, motion->keyframes), frame, ret, mesh)) {
+            mesh_done(mesh);
+            return -1;
+        }
+        motion->positions[motion->keyframes] = mesh->positions;
+    }
+    ret->keyframes = n;
+    ret->keyframe = motion->positions;
+    return 0;
+}
+
 static int read_body(struct reader *r, const json_t *object, const char *pointer, struct mesh *mesh,
-                     drape_body *ret)
+                     struct motion *motion, drape_body *ret)
 {
     static const char *const MEMBERS[] = {"mesh",   "sphere",         "plane",    "capsule", "offset",
                                           "motion", "motion_seconds", "friction", NULL};
     ret->offset = DRAPE_DEFAULT_OFFSET;
-    if (check_object(r, object, pointer, MEMBERS) || refuse_present(r, object, pointer, "motion") ||
-        refuse_present(r, object, pointer, "motion_seconds") ||
+    if (check_object(r, object, pointer, MEMBERS) ||
         get_number(r, object, pointer, "friction", &FRICTION, &ret->friction) ||
-        get_number(r, object, pointer, "offset", &POSITIVE, &ret->offset))
+        get_number(r, object, pointer, "offset", &POSITIVE, &ret->offset) ||
+        read_body_shape(r, object, pointer, mesh, ret))
         return -1;
-    return read_body_shape(r, object, pointer, mesh, ret);
+    return read_motion(r, object, pointer, motion, ret);
 }
 
 static int read_bodies(struct reader *r, const json_t *root)
@@ -821,12 +910,13 @@ static int read_bodies(struct reader *r, const json_t *root)
         return 0;
     spec->body = calloc(n, sizeof *spec->body);
     spec->body_mesh = calloc(n, sizeof *spec->body_mesh);
-    if (!spec->body || !spec->body_mesh)
+    spec->motion = calloc(n, sizeof *spec->motion);
+    if (!spec->body || !spec->body_mesh || !spec->motion)
         return out_of_memory(r);
     spec->scene.bodies = n;
     for (size_t i = 0; i < n; i++) {
         element_pointer(at, sizeof at, "/bodies", i);
-        if (read_body(r, json_array_get(array, i), at, &spec->body_mesh[i], &spec->body[i]))
+        if (read_body(r, json_array_get(array, i), at, &spec->body_mesh[i], &spec->motion[i], &spec->body[i]))
             return -1;
     }
     return 0;
@@ -1013,12 +1103,22 @@ cleanup:
     return rc;
 }
 
+static void motion_done(struct motion *motion)
+{
+    for (size_t k = 0; k < motion->keyframes; k++)
+        mesh_done(motion->mesh + k);
+    free(motion->mesh);
+    free(motion->positions);
+}
+
 struct job_spec *job_spec_free(struct job_spec *spec)
 {
     if (!spec)
         return NULL;
     for (size_t i = 0; spec->body_mesh && i < spec->scene.bodies; i++)
         mesh_done(&spec->body_mesh[i]);
+    for (size_t i = 0; spec->motion && i < spec->scene.bodies; i++)
+        motion_done(&spec->motion[i]);
     mesh_done(&spec->cloth);
     lines_free(spec->lines);
     json_decref(spec->labels);
@@ -1039,6 +1139,7 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     free(spec->tack);
     free(spec->material);
     free(spec->body_mesh);
+    free(spec->motion);
     free(spec->body);
     free(spec);
     return NULL;

@@ -21,6 +21,11 @@ struct job_spec {      /* owns everything it points to */
     uint32_t **elastic_edge, **fold_edge; /* elastics, folds: the edges of each */
     drape_tack *tack;
     struct mesh *body_mesh; /* one per body, empty unless it is a mesh */
+    struct motion {
+        struct mesh *mesh;        /* keyframes; their triangles NULL where not given */
+        const double **positions; /* keyframes: those of the meshes */
+        size_t keyframes;
+    } * motion; /* one per body, empty where it stands */
     drape_body *body;
     struct lines *lines;    /* to be measured, joined; NULL: none */
     drape_scene_desc scene; /* points into the arrays above */

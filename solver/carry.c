@@ -112,7 +112,7 @@ static double turn_in_plane(const struct frame *old, const struct frame *new)
 
 static void find_turn(const uint32_t corner[3], const double *from, const double *to, double ret[4])
 {
-    struct frame old, new;
+    struct frame old = {0}, new = {0};
     double turned[2][3], R[3][3];
     ret[0] = 1;
     ret[1] = ret[2] = ret[3] = 0;

@@ -43,7 +43,8 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
     drape_status status =
         dr_stretch_new(plan->mesh, scene->material, scene->materials, &cloth->stretch, reterr);
     if (status >= 0 && plan->contact)
-        status = dr_contact_new(plan->mesh, plan->body, scene->bodies, &cloth->contact, reterr);
+        status = dr_contact_new(plan->mesh, plan->body ? plan->body : scene->body, scene->bodies,
+                                &cloth->contact, reterr);
     if (status >= 0 && plan->friction && plan->contact)
         status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
     if (status >= 0 && plan->self)

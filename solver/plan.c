@@ -139,7 +139,6 @@ void dr_plan_compile(struct drape_sim *sim)
     plan->method = method_of(scene, &sim->options);
     plan->welded = (struct dr_cloth_plan){
         .scene = scene,
-        .body = scene->body,
         .mesh = scene->mesh,
         .bend = scene->bend,
         .gravity = g[0] != 0 || g[1] != 0 || g[2] != 0,
@@ -154,7 +153,7 @@ void dr_plan_compile(struct drape_sim *sim)
     if (scene->pieces && sim->options.max_iterations)
         plan->pieces = (struct dr_cloth_plan){
             .scene = scene,
-            .body = scene->first_body ? scene->first_body : scene->body,
+            .body = scene->first_body,
             .mesh = scene->pieces,
             .bend = scene->pieces_bend,
             .contact = scene->bodies > 0,

@@ -44,7 +44,7 @@ enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
 /* The mechanics of one mesh. */
 struct dr_cloth_plan {
     const drape_scene *scene;              /* whose fabrics and gravity they are */
-    struct dr_body *const *body;           /* scene->bodies of them */
+    struct dr_body *const *body;           /* scene->bodies of them; NULL: the scene's */
     const struct dr_mesh *mesh;            /* NULL: there is no such mesh */
     const struct dr_bend *bend;            /* NULL: left out */
     bool gravity, contact, friction, self; /* false: left out */

@@ -93,8 +93,10 @@ refuse 'a sphere without radius' 422 invalid /bodies/0/sphere/radius '.bodies = 
 refuse 'a body of two shapes' 422 invalid /bodies/0 '.bodies = [{sphere: {center: [0,0,0], radius: 1}, plane: {point: [0,0,0], normal: [0,1,0]}}]'
 refuse 'a plane without direction' 422 invalid /bodies/0/plane/normal '.bodies = [{plane: {point: [0,0,0], normal: [0,0,0]}}]'
 refuse 'an open body' 422 invalid '' '.bodies = [{mesh: {positions: [0,0,0,1,0,0,0,1,0], triangles: [0,1,2]}}]'
-refuse 'motion of bodies is not there yet' 422 unsupported '' '.bodies = [{sphere: {center: [0,0,0], radius: 1},
+refuse 'a sphere that moves' 422 invalid /bodies/0/motion '.bodies = [{sphere: {center: [0,0,0], radius: 1},
     motion: [{ref: ("0" * 64)}], motion_seconds: 1}]'
+refuse 'a keyframe of other vertices' 422 invalid /bodies/0/motion/0 '.bodies = [{mesh: {positions: [0,0,0,1,0,0,0,1,0,0,0,1],
+    triangles: [0,2,1,0,1,3,0,3,2,1,2,3]}, motion: [{positions: [0,0,0,1,0,0,0,1,0]}]}]'
 refuse 'a mesh that was never uploaded' 422 invalid /cloth/mesh/ref '.cloth.mesh = {ref: ("0" * 64)}'
 
 # ---- requests

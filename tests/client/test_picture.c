@@ -24,6 +24,32 @@ static struct picture parse(const char *text)
     return picture;
 }
 
+/* A result is draped on the last posture, the start hangs on the first. */
+static void test_picture__a_body_that_moved_is_shown_where_it_arrived(void **state)
+{
+    const char moving[] =
+        "{\"bodies\": [{\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0], \"triangles\": [0,1,2]},"
+        " \"motion\": [{\"positions\": [0,0,0, 5,0,0, 0,5,0]}, {\"positions\": [0,0,1, 1,0,1, 0,1,1]}]},"
+        " {\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0], \"triangles\": [0,1,2]}, \"motion\": []},"
+        " {\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0], \"triangles\": [0,1,2]},"
+        " \"motion\": [{\"ref\": \"abc\"}]}]}";
+    const char wrong[] =
+        "{\"bodies\": [{\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0], \"triangles\": [0,1,2]},"
+        " \"motion\": [{\"positions\": [0,0,0]}]}]}";
+    const char result[] = "{\"positions\": [0,0,0, 1,0,0, 0,1,0], \"triangles\": [0,1,2]}";
+    struct picture picture = parse(moving), none;
+    struct failure failure;
+    size_t skipped;
+    (void)state;
+    assert_int_equal(picture.bodies, 2);
+    assert_true(picture.body[0].mesh.positions[8] == 0);
+    assert_int_equal(jobfile_set_result("r", result, strlen(result), NULL, &picture, &failure), 0);
+    assert_true(picture.body[0].mesh.positions[8] == 1);
+    assert_true(picture.body[1].mesh.positions[8] == 0);
+    assert_int_equal(jobfile_parse("job", wrong, strlen(wrong), &none, &skipped, &failure), -1);
+    picture_done(&picture);
+}
+
 /* Pixels in the left, middle and right third (front, side, back) that are more blue than red. */
 static void count_blue(const char *path, size_t blue[3], size_t *ret_pixels)
 {
@@ -209,6 +235,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_picture__shows_cloth_before_the_body_and_hides_it_behind),
         cmocka_unit_test(test_picture__shows_values_from_dark_to_light),
+        cmocka_unit_test(test_picture__a_body_that_moved_is_shown_where_it_arrived),
         cmocka_unit_test(test_picture__takes_the_cloth_of_a_result),
         cmocka_unit_test(test_picture__reads_a_glb_and_refuses_it_cut_short_anywhere),
     };

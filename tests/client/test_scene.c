@@ -112,6 +112,21 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     assert_int_equal(json_array_size(at(job, "lines.0.vertices")), 2);
     assert_int_equal(json_integer_value(at(job, "lines.0.vertices.1")), 2);
     assert_near(json_number_value(at(job, "cloth.thickness")), 0.001, 1e-12, 1);
+    assert_null(at(job, "bodies.0.motion"));
+    json_decref(job);
+    scene.keyframe = calloc(2, sizeof *scene.keyframe);
+    assert_non_null(scene.keyframe);
+    for (; scene.keyframes < 2; scene.keyframes++) {
+        assert_int_equal(surface_new(3, 1, false, &scene.keyframe[scene.keyframes]), 0);
+    }
+    job = print_and_parse(&scene);
+    assert_int_equal(json_array_size(at(job, "bodies.0.motion")), 2);
+    assert_int_equal(json_array_size(at(job, "bodies.0.motion.1.positions")), 9);
+    assert_null(at(job, "bodies.0.motion_seconds"));
+    json_decref(job);
+    scene.motion_seconds = 2;
+    job = print_and_parse(&scene);
+    assert_true(json_number_value(at(job, "bodies.0.motion_seconds")) == 2);
     json_decref(job);
     scene_done(&scene);
 }

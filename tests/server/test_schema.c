@@ -720,12 +720,93 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_INVALID);
 }
 
+#define TETRAHEDRON  "[0,0,0, 1,0,0, 0,1,0, 0,0,1]"
+#define SIDES        "[0,2,1, 0,1,3, 0,3,2, 1,2,3]"
+#define MOVING(rest) "{\"mesh\": {\"positions\": " TETRAHEDRON ", \"triangles\": " SIDES "}, " rest "}"
+#define MOVED        "{\"positions\": [2,0,0, 3,0,0, 2,1,0, 2,0,1]}"
+
+static void test_schema__motion_is_read(void **state)
+{
+    (void)state;
+    struct job_spec *spec =
+        parse_with("/bodies/0", MOVING("\"motion_seconds\": 2.5, \"motion\": [" MOVED
+                                       ", {\"positions\": " TETRAHEDRON ", \"triangles\": " SIDES "}]"));
+    assert_int_equal(spec->body[0].keyframes, 2);
+    assert_close(spec->body[0].motion_seconds, 2.5, 0);
+    assert_close(spec->body[0].keyframe[0][3], 3, 0);
+    assert_close(spec->body[0].keyframe[1][3], 1, 0);
+    job_spec_free(spec);
+    spec = parse_with("/bodies/0", MOVING("\"motion\": [" MOVED "]"));
+    assert_close(spec->body[0].motion_seconds, DRAPE_DEFAULT_MOTION, 0);
+    job_spec_free(spec);
+    spec = parse_with("/bodies/0", MOVING("\"motion\": []"));
+    assert_int_equal(spec->body[0].keyframes, 0);
+    job_spec_free(spec);
+    spec = parse_with("/bodies/0", MOVING("\"motion\": [" MOVED "], \"motion_seconds\": 60"));
+    job_spec_free(spec);
+    spec = parse_with("/bodies/0", MOVING("\"motion\": [" MOVED "], \"motion_seconds\": 0.01"));
+    job_spec_free(spec);
+}
+
+/* `count` keyframes. */
+static char *moving_often(size_t count)
+{
+    char *list = calloc(count + 1, sizeof MOVED + 1), *text;
+    assert_non_null(list);
+    for (size_t k = 0; k < count; k++)
+        strcat(strcat(list, k ? "," : ""), MOVED);
+    size_t bytes = strlen(list) + 400;
+    text = malloc(bytes);
+    assert_non_null(text);
+    snprintf(text, bytes, MOVING("\"motion\": [%s]"), list);
+    free(list);
+    return text;
+}
+
+static void test_schema__what_is_no_motion_is_refused_at_its_place(void **state)
+{
+    (void)state;
+    static const struct refusal REFUSAL[] = {
+        {"/bodies/0", MOVING("\"motion\": {}"), "/bodies/0/motion"},
+        {"/bodies/0", MOVING("\"motion\": [7]"), "/bodies/0/motion/0"},
+        {"/bodies/0", MOVING("\"motion\": [{}]"), "/bodies/0/motion/0/positions"},
+        {"/bodies/0", MOVING("\"motion\": [" MOVED ", {\"positions\": [1,2]}]"),
+         "/bodies/0/motion/1/positions"},
+        {"/bodies/0", MOVING("\"motion\": [" MOVED ", {\"positions\": []}]"), "/bodies/0/motion/1"},
+        {"/bodies/0", MOVING("\"motion\": [{\"positions\": [0,0,0, 1,0,0, 0,1,0]}]"), "/bodies/0/motion/0"},
+        {"/bodies/0", MOVING("\"motion\": [{\"positions\": [0,0,0, 1,0,0, 0,1,0, null,0,1]}]"),
+         "/bodies/0/motion/0/positions/9"},
+        {"/bodies/0", MOVING("\"motion\": [{\"positions\": " TETRAHEDRON ", \"triangles\": [0,1,2]}]"),
+         "/bodies/0/motion/0"},
+        {"/bodies/0",
+         MOVING("\"motion\": [{\"positions\": " TETRAHEDRON
+                ", \"triangles\": [0,2,1, 0,1,3, 0,3,2, 2,3,1]}]"),
+         "/bodies/0/motion/0"},
+        {"/bodies/0", MOVING("\"motion\": [" MOVED ", {\"positions\": [0,0,0, 1,0,0, 0,1,0, 0,0,-1]}]"),
+         "/bodies/0/motion/1"}, /* inside out */
+        {"/bodies/0", MOVING("\"motion\": [{\"positions\": " TETRAHEDRON ", \"color\": 1}]"),
+         "/bodies/0/motion/0/color"},
+        {"/bodies/0", MOVING("\"motion\": [{\"ref\": \"12\"}]"), "/bodies/0/motion/0/ref"},
+        {"/bodies/0", MOVING("\"motion\": [" MOVED "], \"motion_seconds\": 0.0099"),
+         "/bodies/0/motion_seconds"},
+        {"/bodies/0", MOVING("\"motion\": [" MOVED "], \"motion_seconds\": 60.01"),
+         "/bodies/0/motion_seconds"},
+        {"/bodies/0", MOVING("\"motion_seconds\": 1"), "/bodies/0/motion_seconds"},
+        {"/bodies/0/motion", "[" MOVED "]", NULL}, /* of a sphere */
+    };
+    expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_INVALID);
+    char *most = moving_often(DRAPE_MAX_KEYFRAMES), *more = moving_often(DRAPE_MAX_KEYFRAMES + 1);
+    job_spec_free(parse_with("/bodies/0", most));
+    const struct refusal too_many = {"/bodies/0", more, "/bodies/0/motion"};
+    expect_refusals(&too_many, 1, PROBLEM_TOO_LARGE);
+    free(most);
+    free(more);
+}
+
 static void test_schema__what_the_contract_has_and_this_version_not_is_unsupported(void **state)
 {
     (void)state;
     static const struct refusal REFUSAL[] = {
-        {"/bodies/0/motion", "[]", NULL},
-        {"/bodies/0/motion_seconds", "1", NULL},
         {"/start_from", "\"0123\"", NULL},
     };
     expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
@@ -1012,6 +1093,9 @@ static void test_schema__places_of_the_solver_become_pointers(void **state)
         {DRAPE_AT_FOLD_EDGE, 5, 2, NULL, "/cloth/folds/2/edges/10"},
         {DRAPE_AT_TACK, 5, -1, "barycentric", "/cloth/tacks/5/barycentric"},
         {DRAPE_AT_SCENE, -1, -1, "tacks", "/cloth/tacks"},
+        {DRAPE_AT_BODY_KEYFRAME, 5, 3, "positions", "/bodies/3/motion/5"},
+        {DRAPE_AT_BODY, 3, 3, "keyframes", "/bodies/3/motion"},
+        {DRAPE_AT_BODY, 3, 3, "motion_seconds", "/bodies/3/motion_seconds"},
         {DRAPE_AT_SCENE, -1, -1, "gravity", "/gravity"},
         {DRAPE_AT_SCENE, -1, -1, "vertices", "/cloth/mesh/positions"},
         {DRAPE_AT_OPTION, -1, -1, "time_limit", "/solver/time_limit_s"},
@@ -1078,6 +1162,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "factorizations",
                                           "solves",
                                           "sewing",
+                                          "motion",
                                           "seconds",
                                           "stages",
                                           "peak_bytes",
@@ -1253,6 +1338,8 @@ int main(void)
         cmocka_unit_test(test_schema__there_are_so_many_elastics_and_folds),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
+        cmocka_unit_test(test_schema__motion_is_read),
+        cmocka_unit_test(test_schema__what_is_no_motion_is_refused_at_its_place),
         cmocka_unit_test(test_schema__what_the_contract_has_and_this_version_not_is_unsupported),
         cmocka_unit_test(test_schema__what_the_solver_refuses_is_refused_at_its_place),
         cmocka_unit_test(test_schema__mesh_of_a_hash_is_at_fault_at_its_hash),
