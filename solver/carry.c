@@ -252,24 +252,16 @@ static void smooth_once(const struct dr_motor *first, size_t points, const uint3
     }
 }
 
-drape_status dr_carry_smooth(const double *x, size_t points, const uint32_t *triangle, size_t triangles,
-                             const double *distance, struct dr_motor *motor, drape_error *reterr)
+void dr_carry_smooth(const double *x, size_t points, const uint32_t *triangle, size_t triangles,
+                     const double *distance, double *scratch, struct dr_motor *motor)
 {
-    struct dr_motor *first = malloc(points * sizeof *first), *sum = malloc(points * sizeof *sum);
-    double *own = malloc(points * sizeof *own), *neighbors = malloc(points * sizeof *neighbors);
-    bool ok = first && sum && own && neighbors;
-    if (ok) {
-        align(motor, points);
-        memcpy(first, motor, points * sizeof *first);
-        find_weights(x, points, triangle, triangles, distance, own, neighbors);
-        for (int pass = 0; pass < PASSES; pass++)
-            smooth_once(first, points, triangle, triangles, own, neighbors, sum, motor);
-    }
-    free(first);
-    free(sum);
-    free(own);
-    free(neighbors);
-    return ok ? DRAPE_OK : dr_out_of_memory(reterr);
+    struct dr_motor *first = (struct dr_motor *)scratch, *sum = first + points;
+    double *own = (double *)(sum + points), *neighbors = own + points;
+    align(motor, points);
+    memcpy(first, motor, points * sizeof *first);
+    find_weights(x, points, triangle, triangles, distance, own, neighbors);
+    for (int pass = 0; pass < PASSES; pass++)
+        smooth_once(first, points, triangle, triangles, own, neighbors, sum, motor);
 }
 
 /* ---- the whole of a cloth -------------------------------------------------------------------- */
@@ -295,6 +287,7 @@ struct carried {
     uint32_t *point;    /* vertices */
     uint32_t *triangle; /* 3*triangles points */
     double *distance;   /* vertices, m */
+    double *scratch;    /* DR_CARRY_SCRATCH*vertices */
     struct dr_motor *motor;
     struct dr_nearest *nearest;
 };
@@ -350,10 +343,11 @@ drape_status drape_carry(const drape_scene_desc *desc, const drape_body *from, c
         return status;
     size_t vertices = desc->vertices;
     double centre[3] = {positions[0], positions[1], positions[2]};
-    struct carried c = {malloc(vertices * sizeof *c.point),
-                        malloc((3 * desc->triangles + 1) * sizeof *c.triangle),
-                        malloc(vertices * sizeof *c.distance), malloc(vertices * sizeof *c.motor), NULL};
-    if (!c.point || !c.triangle || !c.distance || !c.motor)
+    struct carried c = {
+        malloc(vertices * sizeof *c.point),    malloc((3 * desc->triangles + 1) * sizeof *c.triangle),
+        malloc(vertices * sizeof *c.distance), malloc(DR_CARRY_SCRATCH * vertices * sizeof *c.scratch),
+        malloc(vertices * sizeof *c.motor),    NULL};
+    if (!c.point || !c.triangle || !c.distance || !c.scratch || !c.motor)
         status = dr_out_of_memory(reterr);
     if (status >= 0)
         status = dr_nearest_new(from->positions, from->vertices, from->triangle, from->triangles, &c.nearest,
@@ -361,8 +355,7 @@ drape_status drape_carry(const drape_scene_desc *desc, const drape_body *from, c
     if (status >= 0) {
         join_seams(desc, c.point);
         find_motors(&c, desc, from, to, positions);
-        status =
-            dr_carry_smooth(positions, vertices, c.triangle, desc->triangles, c.distance, c.motor, reterr);
+        dr_carry_smooth(positions, vertices, c.triangle, desc->triangles, c.distance, c.scratch, c.motor);
     }
     for (size_t v = 0; status >= 0 && v < vertices; v++)
         dr_motor_move(c.motor + c.point[v], centre, positions + 3 * v);
@@ -370,6 +363,7 @@ drape_status drape_carry(const drape_scene_desc *desc, const drape_body *from, c
     free(c.point);
     free(c.triangle);
     free(c.distance);
+    free(c.scratch);
     free(c.motor);
     return status;
 }

@@ -30,9 +30,10 @@ void dr_motor_move(const struct dr_motor *motor, const double centre[3], double 
 void dr_motor_turn(const struct dr_motor *motor, double v[3]);
 
 /* Smooths the motors of `points` (3*points positions x, `distance` m from the body each) over the edges of
- * `triangle` (3*triangles points); a point of no triangle keeps its own. Allocates scratch; only
- * DRAPE_ENOMEM. */
-drape_status dr_carry_smooth(const double *x, size_t points, const uint32_t *triangle, size_t triangles,
-                             const double *distance, struct dr_motor *motor, drape_error *reterr);
+ * `triangle` (3*triangles points); a point of no triangle keeps its own. `scratch`: DR_CARRY_SCRATCH*points.
+ */
+#define DR_CARRY_SCRATCH (2 * sizeof(struct dr_motor) / sizeof(double) + 2)
+void dr_carry_smooth(const double *x, size_t points, const uint32_t *triangle, size_t triangles,
+                     const double *distance, double *scratch, struct dr_motor *motor);
 
 #endif

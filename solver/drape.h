@@ -205,7 +205,9 @@ typedef struct drape_tack {
 /* A motion. Straight lines lead each vertex from posture to posture, which follow each other evenly in time;
  * the whole begins and ends gently (3 u^2 - 2 u^3 of the time). Meanwhile the cloth, sewn by then, follows by
  * plain dynamics: backward Euler with a little air, starting each step from where the body carries it (see
- * drape_carry). Pins stay where they are. What other bodies do not, the drape then starts from. */
+ * drape_carry). Pins stay where they are. Where the time limit strikes or the run is cancelled on the way,
+ * the cloth is carried to the last keyframe at once. With max_iterations 0 nothing moves, and the start is
+ * evaluated against the last keyframe. */
 #define DRAPE_MAX_KEYFRAMES  32
 #define DRAPE_MIN_MOTION     0.01 /* s */
 #define DRAPE_MAX_MOTION     60   /* s */
@@ -354,7 +356,7 @@ typedef struct drape_row {
     uint32_t linear_iterations; /* back-solves of the step that led here */
     uint32_t factorizations;    /* attempted in this iteration, failed ones included: the matrix is that of
                                  * this state, so row 0 has its own. All rows together have those of the
-                                 * report but for the ones of sewing */
+                                 * report but for the ones of sewing and motion */
 } drape_row;
 
 typedef struct drape_progress {

@@ -36,6 +36,7 @@ struct mover {
     double *x, *v, *f, *w;     /* 3*nodes; x is the caller's */
     double *old;               /* 3*nodes: x when the frame began */
     double *distance;          /* nodes: to the nearest body, m */
+    double *scratch;           /* DR_CARRY_SCRATCH*nodes */
     struct dr_motor *motor;    /* nodes */
     struct dr_motor *smoothed; /* nodes */
     double step;               /* s */
@@ -110,7 +111,7 @@ static void offer_standing(struct mover *m, const struct dr_body *body)
 }
 
 /* Moves the bodies to where they are at `time`, and the nodes and anchors with them. */
-static drape_status carry(struct mover *m, double time, drape_error *reterr)
+static void carry(struct mover *m, double time)
 {
     const drape_scene *scene = m->sim->scene;
     const struct dr_mesh *mesh = m->cloth->mesh;
@@ -130,20 +131,18 @@ static drape_status carry(struct mover *m, double time, drape_error *reterr)
     if (m->cloth->friction)
         dr_friction_carry(m->cloth->friction, m->motor, centre);
     memcpy(m->smoothed, m->motor, mesh->nodes * sizeof *m->motor);
-    drape_status status =
-        dr_carry_smooth(m->x, mesh->nodes, mesh->triangle, mesh->triangles, m->distance, m->smoothed, reterr);
-    for (size_t i = 0; status >= 0 && i < mesh->nodes; i++) {
+    dr_carry_smooth(m->x, mesh->nodes, mesh->triangle, mesh->triangles, m->distance, m->scratch, m->smoothed);
+    for (size_t i = 0; i < mesh->nodes; i++) {
         double *move = m->w + 3 * i, to[3] = {m->x[3 * i], m->x[3 * i + 1], m->x[3 * i + 2]};
         if (!mesh->held[i])
             dr_motor_move(m->smoothed + i, centre, to);
         for (size_t d = 0; d < 3; d++)
             move[d] = to[d] - m->x[3 * i + d];
     }
-    if (status >= 0 && m->cloth->self) /* what this leaves behind the body pushes */
+    if (m->cloth->self) /* what this leaves behind the body pushes */
         dr_self_clip(m->cloth->self, m->x, m->w);
-    for (size_t i = 0; status >= 0 && i < 3 * mesh->nodes; i++)
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
         m->x[i] += m->w[i];
-    return status;
 }
 
 /* ---- 3. correct ------------------------------------------------------------------------------ */
@@ -222,10 +221,11 @@ static drape_status advance(struct mover *m, uint32_t n, bool *ret_whole, drape_
     size_t count = 3 * m->cloth->mesh->nodes;
     drape_energies energy = {0};
     memcpy(m->old, m->x, count * sizeof *m->x);
-    drape_status status = carry(m, n == m->frames ? INFINITY : n * m->step, reterr);
-    *ret_whole = true;
-    bool again = true;
+    drape_status status = DRAPE_OK;
     uint32_t corrections = 0;
+    bool again = true;
+    *ret_whole = true;
+    carry(m, n == m->frames ? INFINITY : n * m->step);
     for (; status >= 0 && *ret_whole && again && corrections < CORRECTIONS; corrections++)
         status = correct(m, &energy, ret_whole, &again, reterr);
     if (status < 0 || !*ret_whole)
@@ -250,7 +250,9 @@ static drape_status follow(struct mover *m, drape_error *reterr)
         if (whole)
             status = advance(m, n, &whole, reterr);
     }
-    return status < 0 || whole ? status : carry(m, INFINITY, reterr);
+    if (!whole)
+        carry(m, INFINITY);
+    return status;
 }
 
 /* ---- made and freed -------------------------------------------------------------------------- */
@@ -263,10 +265,11 @@ static bool allocate(struct mover *m, size_t nodes, size_t vertices)
             return false;
     m->next = malloc(3 * vertices * sizeof *m->next);
     m->distance = malloc(nodes * sizeof *m->distance);
+    m->scratch = malloc(DR_CARRY_SCRATCH * nodes * sizeof *m->scratch);
     m->motor = malloc(nodes * sizeof *m->motor);
     m->smoothed = malloc(nodes * sizeof *m->smoothed);
     m->body = calloc(m->sim->scene->bodies, sizeof(struct dr_body *));
-    return m->next && m->distance && m->motor && m->smoothed && m->body;
+    return m->next && m->distance && m->scratch && m->motor && m->smoothed && m->body;
 }
 
 static size_t most_vertices(const drape_scene *scene)
@@ -300,7 +303,7 @@ static void note_bytes(const struct mover *m)
 {
     const drape_scene *scene = m->sim->scene;
     size_t nodes = scene->mesh->nodes, bytes[DR_TERMS] = {0};
-    bytes[DR_TERM_MOTION] = (3 * most_vertices(scene) + 13 * nodes) * sizeof(double) +
+    bytes[DR_TERM_MOTION] = (3 * most_vertices(scene) + (13 + DR_CARRY_SCRATCH) * nodes) * sizeof(double) +
                             2 * nodes * sizeof *m->motor + scene->bodies * sizeof(struct dr_body *);
     for (size_t b = 0; b < scene->bodies; b++)
         if (scene->path[b])
@@ -324,6 +327,7 @@ static void finish(struct mover *m)
     free(m->w);
     free(m->old);
     free(m->distance);
+    free(m->scratch);
     free(m->motor);
     free(m->smoothed);
 }

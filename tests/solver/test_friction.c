@@ -232,9 +232,64 @@ static void test_friction__every_allocation_may_fail(void **state)
 #endif
 }
 
+/* A body that turns and shifts takes anchors and normals along: of the same cloth, moved the same way, it
+ * asks the same force, turned. */
+static void test_friction__anchors_ride_on_a_body_that_moves(void **state)
+{
+    (void)state;
+    static const double corner[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, moved[9] = {3, 1, 2, 3, 2, 2, 3, 1, 3};
+    static const double centre[3] = {0.3, -0.2, 0.1};
+    static const uint32_t sides[3] = {0, 1, 2};
+    const struct dr_place place = {0, {1, 0, 0}, 0};
+    struct scene s;
+    struct dr_motor motor[NODES];
+    double before[N] = {0}, after[N] = {0};
+    make(&s, 0);
+    dr_friction_update(s.friction, s.x);
+    displace(&s, 3e-4);
+    double energy = dr_friction_energy(s.friction, s.x, before);
+    for (size_t v = 0; v < NODES; v++) {
+        motor[v] = dr_motor_at(&place, sides, corner, moved, centre);
+        dr_motor_move(motor + v, centre, s.x + 3 * v);
+        dr_motor_turn(motor + v, before + 3 * v);
+    }
+    double left = dr_friction_energy(s.friction, s.x, NULL); /* with the anchors still behind */
+    dr_friction_carry(s.friction, motor, centre);
+    assert_true(energy > 0 && left > 100 * energy);
+    assert_close(dr_friction_energy(s.friction, s.x, after), energy, 1e-9);
+    for (size_t i = 0; i < N; i++)
+        assert_near(after[i], before[i], 1e-9, 1e-3);
+    release(&s);
+}
+
+static void test_friction__tells_how_much_of_it_lets_go(void **state)
+{
+    (void)state;
+    struct scene s;
+    double w[N] = {0};
+    make(&s, 0);
+    assert_true(dr_friction_let_go(s.friction, s.x, w) == 0); /* no anchors yet */
+    dr_friction_update(s.friction, s.x);
+    assert_true(dr_friction_let_go(s.friction, s.x, w) == 0);
+    for (size_t v = 0; v < NODES; v++) { /* along the plane */
+        w[3 * v] = 0.8 * 1.8 * DR_FRICTION_SLIP;
+        w[3 * v + 1] = -0.64 * 1.8 * DR_FRICTION_SLIP;
+    }
+    assert_true(dr_friction_let_go(s.friction, s.x, w) == 0);
+    for (size_t i = 0; i < N; i++)
+        w[i] *= 2;
+    assert_true(dr_friction_let_go(s.friction, s.x, w) > 0.99);
+    for (size_t i = 0; i < N; i++) /* what slips already does not let go */
+        s.x[i] += w[i];
+    assert_true(dr_friction_let_go(s.friction, s.x, w) == 0);
+    release(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_friction__anchors_ride_on_a_body_that_moves),
+        cmocka_unit_test(test_friction__tells_how_much_of_it_lets_go),
         cmocka_unit_test(test_friction__forces_and_hessian_are_derivatives),
         cmocka_unit_test(test_friction__no_force_is_above_coulombs),
         cmocka_unit_test(test_friction__the_step_matrix_majorises_and_both_are_semidefinite),

@@ -674,6 +674,31 @@ static void test_sim__every_allocation_may_fail(void **state)
     e.desc.body = &ball;
     e.desc.bodies = 1;
     e.options.max_iterations = 2;
+    failed += sweep(&e);
+    static const double here[] = {0, -0.1, 0, 1, -0.1, 0, 0, -0.1, 1, 0, -1, 0};
+    static const double there[] = {0.01, -0.1, 0, 1.01, -0.1, 0, 0.01, -0.1, 1, 0.01, -1, 0};
+    static const double *const keyframe[] = {there};
+    static const uint32_t sides[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    drape_body table = {.offset = 0.003,
+                        .friction = 0.3,
+                        .positions = here,
+                        .triangle = sides,
+                        .vertices = 4,
+                        .triangles = 4,
+                        .keyframes = 1,
+                        .keyframe = keyframe,
+                        .motion_seconds = 0.04};
+    make(&e);
+    e.desc.body = &table;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 2;
+    long moved = sweep(&e);
+    assert_true(moved > 20);
+    failed += moved;
+    make(&e);
+    e.desc.body = &ball;
+    e.desc.bodies = 1;
+    e.options.max_iterations = 2;
     long unmeasured = sweep(&e);
     e.options.fit = true;
     assert_int_equal(sweep(&e), unmeasured + 1);
