@@ -30,6 +30,20 @@ static int compare_sides(const void *left, const void *right)
     return (int)a->corner - (int)b->corner;
 }
 
+/* Two triangles that share two edges share all corners: the same one twice, or a piece of one triangle sewn
+ * onto another. */
+static drape_status refuse_twins(const struct dr_mesh *mesh, drape_error *reterr)
+{
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const uint32_t *next = mesh->neighbor + 3 * t;
+        for (int k = 0; k < 3; k++)
+            if (next[k] < t && next[k] == next[(k + 1) % 3])
+                return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_TRIANGLE, (int64_t)t,
+                               "it has the same corners as triangle %u", next[k]);
+    }
+    return DRAPE_OK;
+}
+
 /* Pairs the triangles' sides. An edge of three or more triangles is not a surface. */
 static drape_status find_neighbors(struct dr_mesh *mesh, drape_error *reterr)
 {
@@ -148,8 +162,7 @@ drape_status dr_mesh_new(size_t nodes, size_t triangles, const uint32_t *triangl
         for (int k = 0; k < 3; k++)
             mesh->mass[triangle[3 * t + k]] += mesh->area[t] * density[mesh->material[t]] / 3;
     }
-    status = find_neighbors(mesh, reterr);
-    if (status < 0)
+    if ((status = find_neighbors(mesh, reterr)) < 0 || (status = refuse_twins(mesh, reterr)) < 0)
         goto cleanup;
     *ret = mesh;
     mesh = NULL;

@@ -26,8 +26,8 @@ struct dr_mesh {
 };
 
 /* `triangle` holds nodes, `pattern` is looked up through `corner_vertex` (3*triangles, vertex of
- * each corner). Every array is copied. Fails with DRAPE_EINVAL on a collapsed triangle or an edge of
- * more than two triangles (place DRAPE_AT_TRIANGLE), DRAPE_ENOMEM. */
+ * each corner). Every array is copied. Fails with DRAPE_EINVAL on a collapsed triangle, an edge of
+ * more than two triangles or two triangles of the same corners (place DRAPE_AT_TRIANGLE), DRAPE_ENOMEM. */
 drape_status dr_mesh_new(size_t nodes, size_t triangles, const uint32_t *triangle,
                          const uint32_t *corner_vertex, const double *pattern,
                          const uint32_t *material, /* NULL: all 0 */

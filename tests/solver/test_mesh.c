@@ -98,6 +98,22 @@ static void test_mesh__refuses_equal_corners_and_edges_of_three(void **state)
     assert_null(mesh);
 }
 
+static void test_mesh__refuses_the_same_triangle_twice(void **state)
+{
+    (void)state;
+    struct dr_mesh *mesh = NULL;
+    drape_error error;
+    const uint32_t again[] = {0, 1, 2, 2, 0, 1}, back[] = {0, 1, 2, 0, 2, 1},
+                   fan[] = {0, 1, 2, 1, 3, 2, 2, 3, 1};
+    assert_int_equal(make(4, 2, again, square, &mesh, &error), DRAPE_EINVAL);
+    assert_int_equal(error.element, 1);
+    assert_string_equal(error.message, "it has the same corners as triangle 0");
+    assert_int_equal(make(4, 2, back, square, &mesh, &error), DRAPE_EINVAL);
+    assert_int_equal(error.element, 1);
+    assert_int_equal(make(4, 3, fan, square, &mesh, &error), DRAPE_EINVAL); /* an edge of three, then */
+    assert_null(mesh);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -106,6 +122,7 @@ int main(void)
         cmocka_unit_test(test_mesh__refuses_a_collapsed_rest_shape),
         cmocka_unit_test(test_mesh__accepts_a_sliver_of_one_to_a_thousand),
         cmocka_unit_test(test_mesh__refuses_equal_corners_and_edges_of_three),
+        cmocka_unit_test(test_mesh__refuses_the_same_triangle_twice),
     };
     return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
 }

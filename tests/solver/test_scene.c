@@ -329,6 +329,53 @@ static void test_scene__blames_the_seam_that_ruins_the_surface(void **state)
     refused(&flap, DRAPE_AT_SEAM, 2, NULL, "shared by 3 triangles");
 }
 
+/* Many points may be sewn to one: listed as a star or as a chain, in any order, twice or in a ring. */
+static void test_scene__many_vertices_are_sewn_to_one_point(void **state)
+{
+    (void)state;
+    static const struct {
+        size_t seams;
+        uint32_t seam[8];
+    } lists[] = {{3, {0, 3, 0, 6, 0, 9}},       /* a star */
+                 {3, {0, 3, 3, 6, 6, 9}},       /* a chain */
+                 {3, {9, 6, 3, 0, 6, 3}},       /* the same from behind */
+                 {4, {0, 3, 3, 6, 6, 9, 9, 0}}, /* a ring */
+                 {4, {0, 3, 6, 9, 9, 3, 3, 0}}};
+    double positions[36], pattern[24], x[27];
+    uint32_t triangle[12], pin[1] = {1};
+    for (uint32_t p = 0; p < 4; p++) /* four triangles with their first corners about the origin */
+        for (uint32_t k = 0; k < 3; k++) {
+            double flat[2] = {k == 1, k == 2},
+                   turned[2] = {p % 2 ? -flat[1] : flat[0], p % 2 ? flat[0] : flat[1]};
+            double sign = p < 2 ? 1 : -1, away = 0.01 * (p + 1.0);
+            memcpy(pattern + 2 * (3 * p + k), flat, sizeof flat);
+            memcpy(positions + 3 * (3 * p + k), (double[]){sign * turned[0], sign * turned[1], away},
+                   3 * sizeof away);
+            triangle[3 * p + k] = 3 * p + k;
+        }
+    for (size_t l = 0; l < sizeof lists / sizeof *lists; l++) {
+        struct example e = make();
+        bind(&e);
+        e.desc.vertices = 12;
+        e.desc.positions = positions;
+        e.desc.pattern = pattern;
+        e.desc.triangle = triangle;
+        e.desc.seam = lists[l].seam;
+        e.desc.seams = lists[l].seams;
+        e.desc.pin = pin;
+        e.desc.pins = 1;
+        drape_scene *scene = NULL;
+        assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+        assert_int_equal(scene->mesh->nodes, 9);
+        assert_int_equal(scene->parts, 1);
+        for (uint32_t v = 0; v < 12; v += 3)
+            assert_int_equal(scene->vertex_node[v], 0);
+        dr_scene_weld(scene, positions, x);
+        assert_close(x[2], 0.025, 1e-12); /* the mean of the four, however they are listed */
+        drape_scene_free(scene);
+    }
+}
+
 static void test_scene__a_vertex_sewn_to_itself_asks_for_nothing(void **state)
 {
     (void)state;
@@ -467,6 +514,7 @@ int main(void)
         cmocka_unit_test(test_scene__every_allocation_of_a_curved_cloth_may_fail),
 #endif
         cmocka_unit_test(test_scene__blames_the_seam_that_ruins_the_surface),
+        cmocka_unit_test(test_scene__many_vertices_are_sewn_to_one_point),
         cmocka_unit_test(test_scene__a_vertex_sewn_to_itself_asks_for_nothing),
         cmocka_unit_test(test_scene__pins_of_one_node_must_agree),
         cmocka_unit_test(test_scene__a_piece_that_nothing_holds_is_refused),
