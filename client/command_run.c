@@ -70,7 +70,8 @@ static const struct argp run_argp = {
         "JOB is a document of POST /v1/jobs, as `drape example` and `drape scene` print it; \"-\" is "
         "standard "
         "input. With --json the ended job is printed as JSON instead of the summary. Ctrl-C leaves the job "
-        "running at the server.",
+        "running at the server. What the server warns of, a seam sewn in crossed directions say, is told "
+        "first.",
 };
 
 /* The format that a path's extension names, if it is in the list; or -1 with *failure. */
@@ -187,6 +188,7 @@ static int run_job(struct http *http, const struct arguments *arguments, const c
     if (job_submit(http, text, bytes, &job, failure) < 0) {
         return -1;
     }
+    job_print_warnings(stderr, job);
     if (meter.file) {
         fprintf(meter.file, "job %s\n", job_id(job));
     }
@@ -229,7 +231,7 @@ static const struct argp submit_argp = {
     .parser = parse,
     .args_doc = "JOB",
     .children = cli_children,
-    .doc = "Submits a job and prints its id (with --json the whole answer).",
+    .doc = "Submits a job and prints its id (with --json the whole answer); warnings go to standard error.",
 };
 
 int command_submit(struct cli *cli, int argc, char **argv, struct failure *failure)
@@ -243,6 +245,7 @@ int command_submit(struct cli *cli, int argc, char **argv, struct failure *failu
     argp_parse(&submit_argp, argc, argv, 0, NULL, &arguments);
     if (textfile_read(arguments.what, &text, &bytes, failure) == 0 && cli_connect(cli, &http, failure) == 0 &&
         job_submit(http, text, bytes, &job, failure) == 0) {
+        job_print_warnings(stderr, job);
         if (cli->json) {
             json_dumpf(job, stdout, JSON_INDENT(2) | JSON_PRESERVE_ORDER);
             fputc('\n', stdout);

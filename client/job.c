@@ -96,6 +96,16 @@ static const char *text_member(const json_t *job, const char *key)
     return text ? text : "";
 }
 
+void job_print_warnings(FILE *file, const json_t *job)
+{
+    size_t i;
+    const json_t *warning;
+    json_array_foreach(json_object_get(job, "warnings"), i, warning)
+    {
+        fprintf(file, "warning: %s (%s)\n", text_member(warning, "detail"), text_member(warning, "pointer"));
+    }
+}
+
 const char *job_id(const json_t *job)
 {
     return text_member(job, "id");

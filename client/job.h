@@ -26,6 +26,9 @@ int job_cancel(struct http *http, const char *id, bool *ret_removed, struct fail
 int job_fetch(struct http *http, const char *id, const char *kind, const char *format,
               struct http_reply *reply, struct failure *failure);
 
+/* Says on `file` what the server warns of, a line each. */
+void job_print_warnings(FILE *file, const json_t *job);
+
 const char *job_id(const json_t *job); /* "" when it has none; lives as long as the job */
 const char *job_status(const json_t *job);
 bool job_ended(const json_t *job);

@@ -160,6 +160,8 @@ static int fill_job(const struct job_spec *spec, struct job *ret)
         return -1;
     if (spec->labels != NULL && (ret->labels = json_dumps(spec->labels, JSON_COMPACT)) == NULL)
         return -1;
+    if (spec->warnings != NULL && (ret->warnings = json_dumps(spec->warnings, JSON_COMPACT)) == NULL)
+        return -1;
     return 0;
 }
 

@@ -73,6 +73,7 @@ void job_done(struct job *job)
 {
     free(job->name);
     free(job->labels);
+    free(job->warnings);
     free(job->progress);
     free(job->report);
     free(job->error);
@@ -93,6 +94,7 @@ int job_copy(const struct job *job, struct job *ret)
     bool ok = true;
     copy.name = copy_text(job->name, &ok);
     copy.labels = copy_text(job->labels, &ok);
+    copy.warnings = copy_text(job->warnings, &ok);
     copy.progress = copy_text(job->progress, &ok);
     copy.report = copy_text(job->report, &ok);
     copy.error = copy_text(job->error, &ok);
@@ -146,6 +148,7 @@ static void write_members(FILE *out, const struct job *job, size_t position)
     else
         fputs("null", out);
     write_json(out, "labels", job->labels, "{}");
+    write_json(out, "warnings", job->warnings, "[]");
     fprintf(out, ",\"status\":\"%s\"", status_name[job->status]);
     if (job->verdict[0] != '\0')
         fprintf(out, ",\"verdict\":\"%s\"", job->verdict);

@@ -41,6 +41,7 @@ struct job { /* owns its texts; zero-initialise; job_done empties it */
     int64_t finished_ms; /* 0: not yet */
     char *name;          /* NULL: none */
     char *labels;        /* JSON object, or NULL */
+    char *warnings;      /* JSON array of what the job does that is hardly meant, or NULL: none */
     char *progress;      /* JSON object, or NULL */
     char *report;        /* JSON object, or NULL */
     char *error;         /* JSON object (a problem), or NULL */

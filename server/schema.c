@@ -1066,12 +1066,38 @@ static void point_at_ref(const struct reader *r, struct problem *problem)
         strcpy(mesh, "/mesh/ref"); /* never longer than "/mesh/positions/0" */
 }
 
+/* Places and words of a warning are those of an error. */
+static json_t *warning_json(const struct reader *r, const drape_error *warning)
+{
+    struct problem problem;
+    drape_error error = *warning;
+    error.status = DRAPE_EINVAL;
+    schema_solver_problem(&error, &problem);
+    point_at_ref(r, &problem);
+    return json_pack("{s:s,s:s}", "pointer", problem.errors[0].pointer, "detail", problem.errors[0].detail);
+}
+
+static int find_warnings(struct reader *r)
+{
+    drape_error warning[DRAPE_MAX_WARNINGS], error;
+    size_t count = 0;
+    if (drape_scene_warnings(&r->spec->scene, warning, &count, &error) < 0)
+        return out_of_memory(r);
+    if (count == 0)
+        return 0;
+    r->spec->warnings = json_array();
+    for (size_t i = 0; i < count && i < DRAPE_MAX_WARNINGS; i++)
+        if (json_array_append_new(r->spec->warnings, warning_json(r, &warning[i])))
+            return out_of_memory(r);
+    return 0;
+}
+
 static int check_scene(struct reader *r)
 {
     drape_error error;
     link_scene(r->spec);
     if (drape_check(&r->spec->scene, &r->spec->options, &error) >= 0)
-        return join_lines(r);
+        return join_lines(r) < 0 ? -1 : find_warnings(r);
     schema_solver_problem(&error, r->problem);
     point_at_ref(r, r->problem);
     return -1;
@@ -1122,6 +1148,7 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     mesh_done(&spec->cloth);
     lines_free(spec->lines);
     json_decref(spec->labels);
+    json_decref(spec->warnings);
     free(spec->seam);
     free(spec->pin);
     free(spec->triangle_material);

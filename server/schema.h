@@ -30,6 +30,7 @@ struct job_spec {      /* owns everything it points to */
     struct lines *lines;    /* to be measured, joined; NULL: none */
     drape_scene_desc scene; /* points into the arrays above */
     drape_options options;  /* progress left NULL */
+    json_t *warnings;       /* array of {pointer, detail}: see drape_scene_warnings; NULL: none */
 };
 
 /* Loads the mesh uploaded under `sha256` (64 hex digits) into *ret; 0, or -1 with *reterr filled. */

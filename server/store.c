@@ -23,14 +23,14 @@
 #include "log.h"
 #include "metrics.h"
 
-#define SCHEMA_VERSION 1
+#define SCHEMA_VERSION 2
 
 /* Ids of removed jobs that are remembered, so that they answer 410 and not 404; about 10 MB. */
 #define MAX_GONE "100000"
 
 #define JOB_COLUMNS                                                                                          \
     "seq,id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,"                \
-    "name,labels,progress,report,error"
+    "name,labels,progress,report,error,warnings"
 
 enum statement {
     SQL_BEGIN = 0,
@@ -62,24 +62,27 @@ static const char create_sql[] =
     " status TEXT NOT NULL, verdict TEXT NOT NULL, attempt INTEGER NOT NULL, counter INTEGER NOT NULL,"
     " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
     " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
-    " report TEXT, error TEXT);"
+    " report TEXT, error TEXT, warnings TEXT);"
     "CREATE INDEX job_status ON job(status, seq);"
     "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, at_ms INTEGER NOT "
     "NULL);"
     "CREATE TABLE mesh(sha256 TEXT PRIMARY KEY, format INTEGER NOT NULL, bytes INTEGER NOT NULL,"
     " vertices INTEGER NOT NULL, triangles INTEGER NOT NULL, created_ms INTEGER NOT NULL) WITHOUT ROWID;"
-    "PRAGMA user_version=1;";
+    "PRAGMA user_version=2;";
+
+/* What version 1 lacks. */
+static const char upgrade_sql[] = "ALTER TABLE job ADD COLUMN warnings TEXT; PRAGMA user_version=2;";
 
 /* Parameters are numbered as bind_job gives them: id 1, attempt 2, counter 3, status 4, verdict 5,
  * started 6, finished 7, progress 8, report 9, error 10, crashes 11, cancel 12, created 13, name 14,
- * labels 15. */
+ * labels 15, warnings 16. */
 static const char *const sql_text[STATEMENTS] = {
     [SQL_BEGIN] = "BEGIN IMMEDIATE",
     [SQL_COMMIT] = "COMMIT",
     [SQL_ROLLBACK] = "ROLLBACK",
     [SQL_JOB_ADD] = "INSERT INTO job(id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,"
-                    "finished_ms,name,labels,progress,report,error)"
-                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10)",
+                    "finished_ms,name,labels,progress,report,error,warnings)"
+                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16)",
     [SQL_JOB_START] = "UPDATE job SET status='running',counter=?3,started_ms=?6"
                       " WHERE id=?1 AND status='queued' AND attempt=?2",
     [SQL_JOB_CANCEL_QUEUED] = "UPDATE job SET status='canceled',counter=?3,finished_ms=?7,cancel=1"
@@ -187,13 +190,14 @@ static void bind_job(sqlite3_stmt *s, const struct job *job)
         sqlite3_bind_int64(s, 7, job->finished_ms);
     for (int i = 0; i < 3 && count >= 8 + i; i++)
         bind_text(s, 8 + i, text[i]);
-    if (count < 15)
+    if (count < 16)
         return;
     sqlite3_bind_int64(s, 11, job->crashes);
     sqlite3_bind_int64(s, 12, job->cancel);
     sqlite3_bind_int64(s, 13, job->created_ms);
     bind_text(s, 14, job->name);
     bind_text(s, 15, job->labels);
+    bind_text(s, 16, job->warnings);
 }
 
 /* Begins a transaction; 0 or -1. */
@@ -277,6 +281,7 @@ static int read_job(sqlite3_stmt *s, struct job *ret, int64_t *ret_seq)
     job.progress = column_text(s, 13, &ok);
     job.report = column_text(s, 14, &ok);
     job.error = column_text(s, 15, &ok);
+    job.warnings = column_text(s, 16, &ok);
     if (!ok) {
         job_done(&job);
         return -1;
@@ -358,11 +363,11 @@ static int create_tables(struct store *store, struct problem *reterr)
     int version = schema_version(store->db);
     if (version == SCHEMA_VERSION)
         return 0;
-    if (version != 0)
+    if (version != 0 && version != 1)
         return problem_set(reterr, PROBLEM_STORAGE, "The data folder was written by another version (%d).",
                            version);
     if (sqlite3_exec(store->db, "BEGIN IMMEDIATE", NULL, NULL, NULL) != SQLITE_OK ||
-        sqlite3_exec(store->db, create_sql, NULL, NULL, NULL) != SQLITE_OK ||
+        sqlite3_exec(store->db, version == 1 ? upgrade_sql : create_sql, NULL, NULL, NULL) != SQLITE_OK ||
         sqlite3_exec(store->db, "COMMIT", NULL, NULL, NULL) != SQLITE_OK)
         return fail_db(store, "make its tables", reterr);
     return 0;

@@ -283,6 +283,18 @@ drape_scene_desc drape_scene_desc_default(void);
  * fields can tell; costs O(n log n) time in the input. For the border of a service. */
 drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr);
 
+#define DRAPE_MAX_WARNINGS 16
+
+/* What a checked scene does that is allowed but hardly meant, each with status DRAPE_OK and its place, into
+ * ret (the first DRAPE_MAX_WARNINGS; *ret_count has how many there are in all):
+ *   - seams whose sides are sewn in crossed directions, or that join a piece wound inside out. Pairs that
+ *     follow each other along edges of the cloth count as one seam, told of at its first pair;
+ *   - triangles whose neighbours run round the other way. The mechanics do not mind either, but there is
+ *     then no outer side: normals disagree.
+ * Costs about as much as drape_scene_check. */
+drape_status drape_scene_warnings(const drape_scene_desc *desc, drape_error ret[DRAPE_MAX_WARNINGS],
+                                  size_t *ret_count, drape_error *reterr);
+
 /* Compiles the scene: welds, measures the rest shape, builds the bodies' distance fields (about a
  * second for a mesh of 27 000 triangles). */
 drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr);

@@ -8,6 +8,7 @@
 #include "curve.h"
 #include "error.h"
 #include "lines.h"
+#include "seam.h"
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -646,6 +647,20 @@ drape_status drape_scene_check(const drape_scene_desc *desc, drape_error *reterr
     drape_scene *scene = NULL;
     drape_status status = compile(desc, &scene, reterr);
     drape_scene_free(scene);
+    return status;
+}
+
+drape_status drape_scene_warnings(const drape_scene_desc *desc, drape_error ret[DRAPE_MAX_WARNINGS],
+                                  size_t *ret_count, drape_error *reterr)
+{
+    size_t nodes;
+    uint32_t *vertex_node = malloc(desc->vertices * sizeof *vertex_node);
+    drape_status status = vertex_node ? DRAPE_OK : dr_out_of_memory(reterr);
+    if (status >= 0)
+        status = number_nodes(desc, vertex_node, &nodes, reterr);
+    if (status >= 0)
+        status = dr_seam_warnings(desc, vertex_node, ret, ret_count, reterr);
+    free(vertex_node);
     return status;
 }
 

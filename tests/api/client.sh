@@ -54,6 +54,16 @@ check 'an SVG is there' grep -q '</svg>' "$work/out.svg"
 run 'drape run - reads a pipe' 0 bash -c '"$0" run - -o "$1" <"$2"' "$DRAPE" "$work/out.obj" "$work/small.json"
 check 'the name says the format' grep -q '^v ' "$work/out.obj"
 
+# ---- warnings before anything is solved
+jq -n '{cloth: {mesh: {positions: [0,0,0, 1,0,0, 0,1,0, 1.1,0,0, 1.1,1,0, 0.1,1,0], triangles: [0,1,2, 3,4,5],
+    pattern: [0,0, 1,0, 0,1, 1,0, 1,1, 0,1]}, seams: [1,5, 2,3], pins: [0], materials: [{preset: "linen"}]},
+    solver: {max_iterations: 1}}' >"$work/crossed.json"
+run 'a job with a crossed seam is taken' 0 "$DRAPE" submit "$work/crossed.json"
+like 'and warned of' "$(cat "$work/out" "$work/err" 2>/dev/null)" 'warning: seam 0: .*crossed directions.*\(/cloth/seams/0\)'
+id=$(grep -o '[0-9a-f]\{32\}' "$work/out" | head -n 1)
+request GET "$url/v1/jobs/$id"
+json 'the job says so, too' '.warnings | length == 1 and .[0].pointer == "/cloth/seams/0" and (.[0].detail | length > 20)'
+
 # ---- step by step
 run 'drape submit' 0 "$DRAPE" submit "$work/small.json"
 id=$(grep -o '[0-9a-f]\{32\}' "$work/out" | head -n 1)

@@ -595,6 +595,38 @@ static void test_schema__there_are_so_many_elastics_and_folds(void **state)
     }
 }
 
+static void test_schema__crossed_seams_are_warned_of_at_their_first_pair(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *triangles, *seams, *pointer, *says;
+    } cases[] = {
+        {"0,1,2, 3,4,5", "1,3, 2,5", NULL, NULL},
+        {"0,1,2, 3,4,5", "1,5, 2,3", "/cloth/seams/0", "seam 0: to seam 1 the sides are sewn in crossed"},
+        {"0,1,2, 3,4,5", "0,0, 1,5, 2,3", "/cloth/seams/2", "seam 1: to seam 2"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[1024];
+        struct problem problem;
+        snprintf(text, sizeof text,
+                 "{\"cloth\": {\"mesh\": {\"positions\": [0,0,0, 1,0,0, 0,1,0, 1.1,0,0, 1.1,1,0, 0.1,1,0],"
+                 " \"triangles\": [%s], \"pattern\": [0,0, 1,0, 0,1, 1,0, 1,1, 0,1]}, \"seams\": [%s],"
+                 " \"pins\": [0], \"materials\": [{\"preset\": \"linen\"}]}}",
+                 cases[i].triangles, cases[i].seams);
+        struct job_spec *spec = parse(text, &limits_default, &problem);
+        if (!spec)
+            fail_msg("%s", problem.detail);
+        const json_t *warning = json_array_get(spec->warnings, 0);
+        if (cases[i].pointer) {
+            assert_int_equal(json_array_size(spec->warnings), 1);
+            assert_string_equal(json_string_value(json_object_get(warning, "pointer")), cases[i].pointer);
+            assert_non_null(strstr(json_string_value(json_object_get(warning, "detail")), cases[i].says));
+        } else {
+            assert_null(spec->warnings);
+        }
+        job_spec_free(spec);
+    }
+}
+
 static void test_schema__uploaded_meshes_are_loaded_by_hash(void **state)
 {
     (void)state;
@@ -1336,6 +1368,7 @@ int main(void)
         cmocka_unit_test(test_schema__a_tack_names_a_triangle_of_a_body),
         cmocka_unit_test(test_schema__wrong_lines_are_refused_at_their_place),
         cmocka_unit_test(test_schema__there_are_so_many_elastics_and_folds),
+        cmocka_unit_test(test_schema__crossed_seams_are_warned_of_at_their_first_pair),
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__motion_is_read),

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sqlite3.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -89,8 +90,11 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
 {
     struct store *store = open_store(*state);
     struct problem problem;
-    struct job job = {
-        .created_ms = 1234, .revision = {1, 1}, .name = strdup("blue"), .labels = strdup("{\"a\":\"b\"}")};
+    struct job job = {.created_ms = 1234,
+                      .revision = {1, 1},
+                      .name = strdup("blue"),
+                      .labels = strdup("{\"a\":\"b\"}"),
+                      .warnings = strdup("[1]")};
     id_new(job.id);
     assert_int_equal(store_job_add(store, &job, "[1,2]", 5, &problem), 0);
     store = store_close(store);
@@ -99,6 +103,7 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
     get_job(store, job.id, &back);
     assert_string_equal(back.name, "blue");
     assert_string_equal(back.labels, "{\"a\":\"b\"}");
+    assert_string_equal(back.warnings, "[1]");
     assert_int_equal(back.status, JOB_QUEUED);
     assert_int_equal(back.created_ms, 1234);
     assert_null(back.report);
@@ -108,6 +113,32 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
     assert_int_equal(bytes, 5);
     assert_string_equal(text, "[1,2]");
     free(text);
+    job_done(&back);
+    job_done(&job);
+    store_close(store);
+}
+
+/* Version 1 had no warnings. */
+static void test_store__a_folder_of_the_first_version_is_read_on(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    char command[512];
+    struct job back, job = {.revision = {1, 1}, .name = strdup("old")};
+    id_new(job.id);
+    assert_int_equal(store_job_add(store, &job, "[]", 2, &problem), 0);
+    store_close(store);
+    sqlite3 *db;
+    snprintf(command, sizeof command, "%s/draped.db", (char *)*state);
+    assert_int_equal(sqlite3_open(command, &db), SQLITE_OK);
+    assert_int_equal(
+        sqlite3_exec(db, "ALTER TABLE job DROP COLUMN warnings; PRAGMA user_version=1;", NULL, NULL, NULL),
+        SQLITE_OK);
+    sqlite3_close(db);
+    store = open_store(*state);
+    get_job(store, job.id, &back);
+    assert_string_equal(back.name, "old");
+    assert_null(back.warnings);
     job_done(&back);
     job_done(&job);
     store_close(store);
@@ -436,6 +467,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_new, scratch_free)
     const struct CMUnitTest tests[] = {
         TEST(test_store__a_job_comes_back_as_it_was_added),
+        TEST(test_store__a_folder_of_the_first_version_is_read_on),
         TEST(test_store__a_second_daemon_is_kept_out),
         TEST(test_store__queued_jobs_are_recovered_oldest_first_at_their_attempt),
         TEST(test_store__a_crash_requeues_at_the_next_attempt_and_the_third_fails),
