@@ -234,6 +234,10 @@ typedef struct drape_scene_desc {
     drape_self_contact self_contact; /* DRAPE_SELF_CONTACT_AUTO */
     double thickness;                /* m: cloth feels cloth this far away, from middle to middle;
                                       * DRAPE_MIN_THICKNESS to DRAPE_MAX_THICKNESS */
+    const double *start_pattern;     /* 2*vertices: the start is a finished drape of this pattern. Friction
+                                      * holds it from the first, and where `pattern` is another the rest shape
+                                      * goes there from this one, in steps if far (solver/ramp.h). NULL: the
+                                      * start is where pieces were placed */
 } drape_scene_desc;
 
 /* A description with no arrays, the default gravity 0 -9.81 0 and the default thickness. */
@@ -348,10 +352,11 @@ typedef enum drape_phase {
     DRAPE_PHASE_SEWING = 0,
     DRAPE_PHASE_MOVING, /* rows count frames of the motion */
     DRAPE_PHASE_DRAPING,
-    DRAPE_PHASE_CERTIFYING /* rows repeat the iteration they start from */
+    DRAPE_PHASE_CERTIFYING, /* rows repeat the iteration they start from */
+    DRAPE_PHASE_RAMPING     /* before draping: from the pattern of the start, see drape_scene_desc */
 } drape_phase;
 
-/* One iteration; row 0 is the start (after sewing). One row of the trace. */
+/* One iteration; row 0 is the start (after sewing and ramp). One row of the trace. */
 typedef struct drape_row {
     uint32_t iteration;
     double seconds; /* since drape_sim_run began, sewing included */
@@ -368,7 +373,7 @@ typedef struct drape_row {
     uint32_t linear_iterations; /* back-solves of the step that led here */
     uint32_t factorizations;    /* attempted in this iteration, failed ones included: the matrix is that of
                                  * this state, so row 0 has its own. All rows together have those of the
-                                 * report but for the ones of sewing and motion */
+                                 * report but for the ones of sewing, motion and ramp */
 } drape_row;
 
 typedef struct drape_progress {
@@ -495,6 +500,8 @@ typedef struct drape_report {
     uint32_t sewing_iterations;
     uint32_t motion_frames; /* steps in time while bodies moved; 0: none did */
     double seam_gap;        /* m: largest gap left when the seams were welded; 0 without seams */
+    double change; /* from start_pattern to pattern: the largest relative change of a length; 0 without */
+    uint32_t ramp_steps, ramp_iterations; /* in which that was made, and what they took beside `iterations` */
     double seconds;
     drape_row state; /* the row of the state that drape_sim_positions returns; certified, its
                       * residual_energy is the certificate's energy_left */

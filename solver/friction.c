@@ -155,6 +155,32 @@ void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *moto
     }
 }
 
+/* Moves an anchor at x to where the node is held against the force f, or as far as it can be: u, the slip,
+ * has the direction of f along the surface and the length at which E'(u) is its size. */
+static void brace(struct anchor *anchor, const double f[3])
+{
+    double off = 0, square = 0, t[3];
+    for (int d = 0; d < 3; d++)
+        off += f[d] * anchor->normal[d];
+    for (int d = 0; d < 3; d++) {
+        t[d] = f[d] - off * anchor->normal[d];
+        square += t[d] * t[d];
+    }
+    double force = sqrt(square), part = fmin(force / anchor->limit, 1);
+    if (!(force > 0))
+        return;
+    for (int d = 0; d < 3; d++)
+        anchor->at[d] -= DR_FRICTION_SLIP * (1 - sqrt(1 - part)) * t[d] / force;
+}
+
+void dr_friction_hold(struct dr_friction *friction, const double *x, const double *f)
+{
+    dr_friction_update(friction, x);
+    for (size_t i = 0; i < friction->nodes; i++)
+        if (friction->anchor[i].limit > 0)
+            brace(friction->anchor + i, f + 3 * i);
+}
+
 /* ---- the potential --------------------------------------------------------------------------- */
 
 void dr_friction_respond(double g, double l, double *ret_energy, double *ret_secant, double *ret_tangent)

@@ -47,6 +47,11 @@ double dr_friction_let_go(const struct dr_friction *friction, const double *x, c
 /* Moves the anchors with the body points they sit on: node i's by motor[i] about `centre`. */
 void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *motor, const double centre[3]);
 
+/* The same for a cloth that has come to rest at x before: f (3*nodes, N) are the forces there but for
+ * friction's. What of them runs along the surface is taken to have been held, up to mu N, and each anchor
+ * lies where it holds that, instead of at x where it would hold nothing yet. */
+void dr_friction_hold(struct dr_friction *friction, const double *x, const double *f);
+
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_friction_energy(const struct dr_friction *friction, const double *x, double *g);
 

@@ -115,6 +115,11 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
     decide(plan, DR_TERM_MOTION, "motion", plan->moved.mesh, dr_scene_motion_bytes(scene),
            reason_not_to_move(scene));
+    decide(plan, DR_TERM_RAMP, "ramp", scene->old_stretch && implicit && options->max_iterations,
+           3 * scene->mesh->triangles * sizeof(double),
+           scene->old_stretch ? (implicit ? "only the start is evaluated" : explicit)
+           : scene->draped    ? "the start is a drape of this pattern"
+                              : "the start is not a drape");
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
     decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
     decide(plan, DR_TERM_VELOCITIES, "velocities", plan->method->moves, 0, "the method has none");

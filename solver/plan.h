@@ -27,6 +27,7 @@ enum dr_term {
     DR_TERM_SELF_CONTACT,
     DR_TERM_SEWING, /* all that only sewing needs */
     DR_TERM_MOTION, /* and all that only bodies in motion need */
+    DR_TERM_RAMP,
     DR_TERM_JACOBIAN,
     DR_TERM_GEOMETRIC_STIFFNESS,
     DR_TERM_VELOCITIES,

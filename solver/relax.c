@@ -6,6 +6,7 @@
 
 #include "certify.h"
 #include "error.h"
+#include "ramp.h"
 
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define EPOCH        15   /* iterations that friction's anchors stay, unless a stop or rest renews them */
@@ -392,6 +393,8 @@ static void renew_anchors(struct dr_state *s)
         return;
     double kinetic = s->row.energy.kinetic;
     dr_cloth_renew_anchors(s->cloth, s->x);
+    if (s->cloth->friction && !s->row.iteration && s->sim->scene->draped)
+        dr_friction_hold(s->cloth->friction, s->x, s->f);
     dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
     s->row.energy.kinetic = kinetic;
     s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
@@ -465,6 +468,10 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
         status = dr_gaps_new(s.cloth->contact, s.cloth->self, &s.gaps, reterr);
     if (status >= 0) {
         s.weight = dr_cloth_mean_weight(s.cloth);
+        if (sim->plan.term[DR_TERM_RAMP].kept)
+            status = dr_ramp(&s, reterr);
+    }
+    if (status >= 0) {
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);
         if (s.cloth->stress)
             dr_cloth_stress(s.cloth, x, NULL);

@@ -8,7 +8,10 @@
 #include "curve.h"
 #include "error.h"
 #include "lines.h"
+#include "ramp.h"
 #include "seam.h"
+
+#define LEAST_CHANGE 1e-9 /* of a length, relative, that makes another pattern */
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -154,6 +157,10 @@ static drape_status check_numbers(const drape_scene_desc *desc, drape_error *ret
     if (!all_within(desc->pattern, 2 * desc->vertices, DRAPE_MAX_COORDINATE, &bad))
         return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2),
                        "the pattern coordinate is not finite and within %g m", DRAPE_MAX_COORDINATE);
+    if (desc->start_pattern &&
+        !all_within(desc->start_pattern, 2 * desc->vertices, DRAPE_MAX_COORDINATE, &bad))
+        return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_PATTERN, (int64_t)(bad / 2),
+                       "the start's pattern coordinate is not finite and within %g m", DRAPE_MAX_COORDINATE);
     if (!all_within(desc->gravity, 3, DRAPE_MAX_GRAVITY, &bad))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "gravity",
                           "it is not finite and within %g m/s^2", DRAPE_MAX_GRAVITY);
@@ -396,6 +403,28 @@ cleanup:
     return status;
 }
 
+/* How far the pattern is from that of the start. What is below round-off is no change. */
+static drape_status measure_change(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    struct dr_mesh *old_mesh = NULL;
+    double *density = calloc(desc->materials, sizeof *density); /* its mass is not wanted */
+    drape_status status = density ? DRAPE_OK : dr_out_of_memory(reterr);
+    scene->draped = true;
+    if (status >= 0)
+        status = dr_mesh_new(scene->mesh->nodes, desc->triangles, scene->mesh->triangle, desc->triangle,
+                             desc->start_pattern, desc->triangle_material, density, NULL, &old_mesh, reterr);
+    if (status >= 0)
+        status = dr_ramp_measure(old_mesh, scene->mesh, &scene->old_stretch, &scene->change, reterr);
+    if (status >= 0 && scene->change < LEAST_CHANGE) {
+        free(scene->old_stretch);
+        scene->old_stretch = NULL;
+        scene->change = 0;
+    }
+    dr_mesh_free(old_mesh);
+    free(density);
+    return status;
+}
+
 /* A node sits at the mean of its vertices, a held node where its first pin is. */
 static drape_status share_nodes(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
@@ -630,6 +659,7 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
     if ((status = number_nodes(desc, scene->vertex_node, &nodes, reterr)) < 0 ||
         (status = check_pins(desc, scene->vertex_node, nodes, reterr)) < 0 ||
         (status = new_meshes(desc, scene, nodes, reterr)) < 0 ||
+        (desc->start_pattern && (status = measure_change(desc, scene, reterr)) < 0) ||
         (status = share_nodes(desc, scene, reterr)) < 0 ||
         (has_lines(desc) && (status = dr_lines_compile(desc, scene, reterr)) < 0) ||
         (status = find_parts(desc, scene, reterr)) < 0)
@@ -700,6 +730,7 @@ drape_scene *drape_scene_free(drape_scene *scene)
         dr_bend_free(scene->bend);
         dr_mesh_free(scene->pieces);
         dr_mesh_free(scene->mesh);
+        free(scene->old_stretch);
         free(scene->part);
         free(scene->part_held);
         free(scene->material);
@@ -740,6 +771,8 @@ size_t dr_scene_bytes(const drape_scene *scene)
                    scene->mesh->nodes * (sizeof(uint32_t) + sizeof(bool));
     bytes += scene->bars * sizeof *scene->bar + scene->hinges * sizeof *scene->hinge +
              scene->tacks * sizeof *scene->tack;
+    if (scene->old_stretch)
+        bytes += 3 * scene->mesh->triangles * sizeof *scene->old_stretch;
     if (scene->bend)
         bytes += dr_bend_bytes(scene->bend);
     if (scene->pieces)

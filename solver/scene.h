@@ -41,6 +41,9 @@ struct drape_scene {
     /* As asked for: the plan decides. In m. */
     drape_self_contact self_contact;
     double thickness;
+    bool draped;                 /* the start is a drape, of this or another pattern */
+    double change;               /* from that pattern to this one, see ramp.h */
+    double *old_stretch;         /* 3*triangles: likewise; NULL: there is no change */
     struct dr_mesh *mesh;        /* welded */
     struct dr_bend *bend;        /* NULL: no rigidity anywhere */
     struct dr_mesh *pieces;      /* one node a vertex; NULL: nothing to sew */

@@ -218,6 +218,7 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
         status = dr_relax(sim, x, reterr);
     if (status >= 0) {
         unweld(scene, x, sim->positions);
+        sim->report.change = scene->change;
         sim->report.seconds = dr_clock() - sim->began;
         report_stages(sim);
         dr_plan_report(&sim->plan, &sim->report);

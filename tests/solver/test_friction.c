@@ -203,6 +203,41 @@ static void test_friction__an_update_drags_anchors_and_forgets_them(void **state
     release(&s);
 }
 
+/* After holding a force, friction balances what of it runs along the surface, up to mu N. */
+static void test_friction__a_cloth_at_rest_is_held_from_the_first(void **state)
+{
+    (void)state;
+    for (int heavy = 0; heavy < 2; heavy++) {
+        struct scene s;
+        make(&s, 0);
+        double none[NODES] = {0}, one[NODES] = {1, 1, 1, 1}, load[N], grip[NODES], f[N], g[N] = {0};
+        uint64_t seed = 5;
+        dr_contact_loads(s.contact, s.x, none, one, load, grip);
+        for (size_t i = 0; i < N; i++)
+            f[i] = (heavy ? 10 : 0.3) * grip[i / 3] * test_random(&seed);
+        dr_friction_hold(s.friction, s.x, f);
+        dr_friction_energy(s.friction, s.x, g);
+        for (size_t v = 0; v < NODES; v++) {
+            double n[3], off = 0, force = 0, pull = 0, size = 0;
+            for (size_t d = 0; d < 3; d++)
+                force += load[3 * v + d] * load[3 * v + d];
+            for (size_t d = 0; d < 3; d++) {
+                n[d] = load[3 * v + d] / sqrt(force);
+                off += f[3 * v + d] * n[d];
+            }
+            for (size_t d = 0; d < 3; d++) {
+                size += (f[3 * v + d] - off * n[d]) * (f[3 * v + d] - off * n[d]);
+                pull += g[3 * v + d] * g[3 * v + d];
+            }
+            assert_true(sqrt(size) > 0.01 * grip[v]);
+            assert_close(sqrt(pull), fmin(sqrt(size), grip[v]), 1e-9);
+            for (size_t d = 0; d < 3; d++)
+                assert_near(g[3 * v + d] / sqrt(pull), (f[3 * v + d] - off * n[d]) / sqrt(size), 1e-9, 1);
+        }
+        release(&s);
+    }
+}
+
 static void test_friction__every_allocation_may_fail(void **state)
 {
     (void)state;
@@ -294,6 +329,7 @@ int main(void)
         cmocka_unit_test(test_friction__no_force_is_above_coulombs),
         cmocka_unit_test(test_friction__the_step_matrix_majorises_and_both_are_semidefinite),
         cmocka_unit_test(test_friction__an_update_drags_anchors_and_forgets_them),
+        cmocka_unit_test(test_friction__a_cloth_at_rest_is_held_from_the_first),
         cmocka_unit_test(test_friction__every_allocation_may_fail),
     };
     return cmocka_run_group_tests_name("friction", tests, NULL, NULL);

@@ -11,6 +11,7 @@ static const double line[] = {0.1, 1};
 
 struct example {
     double positions[3 * VERTICES], pattern[2 * VERTICES];
+    double another[2 * VERTICES]; /* pattern, larger by a fifth */
     uint32_t triangle[3 * TRIANGLES], pin[SIDE], seam[2 * SIDE];
     drape_material material;
     drape_body ball;
@@ -27,6 +28,8 @@ static void make(struct example *e)
         e->positions[3 * i] = e->pattern[2 * i] = 0.03 * (i % SIDE);
         e->positions[3 * i + 2] = e->pattern[2 * i + 1] = 0.03 * (i / SIDE);
     }
+    for (size_t i = 0; i < sizeof e->another / sizeof *e->another; i++)
+        e->another[i] = 1.2 * e->pattern[i];
     for (uint32_t j = 0; j + 1 < SIDE; j++)
         for (uint32_t i = 0; i + 1 < SIDE; i++, t += 6) {
             uint32_t a = j * SIDE + i, cell[] = {a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1};
@@ -132,7 +135,7 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
     }
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
     assert_string_equal(left_out, " strain-stress-curves elastics folds contact friction tacks self-contact "
-                                  "sewing motion conjugate-gradients certificate fit");
+                                  "sewing motion ramp conjugate-gradients certificate fit");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -212,6 +215,11 @@ static void ask_for_the_fit(struct example *e)
     e->options.fit = true;
 }
 
+static void start_from_another_size(struct example *e)
+{
+    e->desc.start_pattern = e->another;
+}
+
 static void ask_for_more_iterations(struct example *e)
 {
     e->options.max_iterations = 5;
@@ -236,6 +244,7 @@ static void test_plan__a_change_moves_its_own_terms_alone(void **state)
         {take_auto, " velocities conjugate-gradients"},
         {take_newton, " jacobian velocities"},
         {ask_for_the_fit, " fit"},
+        {start_from_another_size, " ramp"},
         {ask_for_more_iterations, " trace"},
     };
     struct example e;

@@ -62,6 +62,36 @@ static void refused(struct example *e, drape_place place, int64_t element, const
     assert_null(scene);
 }
 
+static void test_scene__the_pattern_of_the_start_is_checked_and_compared(void **state)
+{
+    (void)state;
+    struct example e = make();
+    double old[16];
+    drape_scene *scene = NULL;
+    bind(&e);
+    e.desc.start_pattern = old;
+    for (int i = 0; i < 16; i++) /* the pieces in places of their own: the sizes alone count */
+        old[i] = e.pattern[i] + (i < 8 ? 7 : -2);
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_true(scene->draped && !scene->old_stretch && scene->change == 0);
+    drape_scene_free(scene);
+    for (int i = 0; i < 16; i++)
+        old[i] = e.pattern[i] / (i % 2 ? 1.25 : 1);
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_close(scene->change, 0.25, 1e-12);
+    for (size_t t = 0; t < 4; t++) {
+        assert_close(scene->old_stretch[3 * t], 1, 1e-12);
+        assert_near(scene->old_stretch[3 * t + 1], 0, 1e-12, 1);
+        assert_close(scene->old_stretch[3 * t + 2], 0.8, 1e-12);
+    }
+    drape_scene_free(scene);
+    old[9] = NAN;
+    refused(&e, DRAPE_AT_PATTERN, 4, NULL, "start's");
+    old[9] = 0;
+    old[8] = old[12] = old[10] = 5; /* triangle 2 on a line */
+    refused(&e, DRAPE_AT_TRIANGLE, 2, NULL, "degenerate");
+}
+
 static void test_scene__welds_seams_in_the_order_of_the_vertices(void **state)
 {
     (void)state;
@@ -502,6 +532,7 @@ static void test_scene__a_vertex_of_no_triangle_is_carried_along(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_scene__the_pattern_of_the_start_is_checked_and_compared),
         cmocka_unit_test(test_scene__welds_seams_in_the_order_of_the_vertices),
         cmocka_unit_test(test_scene__closed_seams_need_no_sewing),
         cmocka_unit_test(test_scene__a_pinned_node_sits_at_its_pin),
