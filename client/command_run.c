@@ -14,16 +14,23 @@ struct arguments {
     struct cli *cli;
     const char *what;                     /* JOB or ID */
     const char *output, *picture, *trace; /* paths; NULL: not wanted */
+    const char *from;                     /* the job to start from; NULL: as JOB says */
     const char *missing;                  /* what to say when `what` is not given */
 };
 
 /* ---- run ----------------------------------------------------------------------------------------- */
 
-enum { OPTION_PICTURE = 0x200, OPTION_TRACE };
+enum { OPTION_PICTURE = 0x200, OPTION_TRACE, OPTION_FROM };
+
+#define FROM_OPTION                                                                                          \
+    {                                                                                                        \
+        "from", OPTION_FROM, "ID", 0, "Begin at the drape of that job, whatever start_from says", 0          \
+    }
 
 static const struct argp_option run_options[] = {
     {"output", 'o', "FILE", 0, "Where the drape goes: .glb, .obj, .ply or .json", 0},
     {"picture", OPTION_PICTURE, "PNG", 0, "Draw front, side and back of the drape", 0},
+    FROM_OPTION,
     {"trace", OPTION_TRACE, "FILE", 0, "Where the trace goes: .csv, .json, or .svg for the plot", 0},
     {0},
 };
@@ -43,6 +50,9 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case OPTION_TRACE:
         arguments->trace = argument;
+        return 0;
+    case OPTION_FROM:
+        arguments->from = argument;
         return 0;
     case ARGP_KEY_ARG:
         if (arguments->what) {
@@ -179,6 +189,27 @@ static int fetch_all(struct http *http, const json_t *job, const struct argument
     return arguments->picture ? fetch_picture(http, id, arguments, text, bytes, failure) : 0;
 }
 
+/* Reads JOB, and puts --from into it. The caller frees *ret. */
+static int read_job(const struct arguments *arguments, char **ret, size_t *ret_bytes, struct failure *failure)
+{
+    json_error_t error;
+    if (textfile_read(arguments->what, ret, ret_bytes, failure) < 0 || !arguments->from) {
+        return *ret ? 0 : -1;
+    }
+    json_t *job = json_loadb(*ret, *ret_bytes, JSON_REJECT_DUPLICATES, &error);
+    int failed = !job || json_object_set_new(job, "start_from", json_string(arguments->from)) < 0;
+    char *text = failed ? NULL : json_dumps(job, JSON_COMPACT | JSON_PRESERVE_ORDER);
+    json_decref(job);
+    if (!text) {
+        return failure_set(failure, EXIT_USAGE, "%s is no job: line %d: %s", arguments->what,
+                           job ? 1 : error.line, job ? "not an object" : error.text);
+    }
+    free(*ret);
+    *ret = text;
+    *ret_bytes = strlen(text);
+    return 0;
+}
+
 static int run_job(struct http *http, const struct arguments *arguments, const char *text, size_t bytes,
                    struct failure *failure)
 {
@@ -217,7 +248,7 @@ int command_run(struct cli *cli, int argc, char **argv, struct failure *failure)
          check_extension(arguments.trace, trace_formats, ".csv, .json or .svg", format, failure) < 0)) {
         return -1;
     }
-    if (textfile_read(arguments.what, &text, &bytes, failure) == 0 && cli_connect(cli, &http, failure) == 0) {
+    if (read_job(&arguments, &text, &bytes, failure) == 0 && cli_connect(cli, &http, failure) == 0) {
         code = run_job(http, &arguments, text, bytes, failure);
     }
     http_free(http);
@@ -227,7 +258,10 @@ int command_run(struct cli *cli, int argc, char **argv, struct failure *failure)
 
 /* ---- submit -------------------------------------------------------------------------------------- */
 
+static const struct argp_option submit_options[] = {FROM_OPTION, {0}};
+
 static const struct argp submit_argp = {
+    .options = submit_options,
     .parser = parse,
     .args_doc = "JOB",
     .children = cli_children,
@@ -243,7 +277,7 @@ int command_submit(struct cli *cli, int argc, char **argv, struct failure *failu
     json_t *job = NULL;
     int code = -1;
     argp_parse(&submit_argp, argc, argv, 0, NULL, &arguments);
-    if (textfile_read(arguments.what, &text, &bytes, failure) == 0 && cli_connect(cli, &http, failure) == 0 &&
+    if (read_job(&arguments, &text, &bytes, failure) == 0 && cli_connect(cli, &http, failure) == 0 &&
         job_submit(http, text, bytes, &job, failure) == 0) {
         job_print_warnings(stderr, job);
         if (cli->json) {

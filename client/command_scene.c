@@ -42,7 +42,8 @@ enum {
     OPTION_SELF_CONTACT,
     OPTION_THICKNESS,
     OPTION_LINES,
-    OPTION_FIT
+    OPTION_FIT,
+    OPTION_FROM
 };
 
 static const struct argp_option options[] = {
@@ -70,6 +71,7 @@ static const struct argp_option options[] = {
     {"thickness", OPTION_THICKNESS, "M", 0, "Distance at which cloth feels cloth (m)", 1},
     {"lines", OPTION_LINES, "FILE", 0, "Lines \"NAME i j k ...\": girths and lengths to be measured", 1},
     {"fit", OPTION_FIT, NULL, 0, "Measure strain, stress, pressure and gap", 1},
+    {"from", OPTION_FROM, "ID", 0, "Begin at the drape of that job, which has as many vertices", 1},
     {NULL, 0, NULL, 0, "How to solve it (the server's defaults hold otherwise):", 2},
     {"method", 'M', "NAME", 0, "auto, stop-and-go, dynamic, ...", 2},
     {"stop-on", OPTION_STOP_ON, "potential|kinetic", 0, "When stop-and-go stops", 2},
@@ -193,6 +195,9 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case OPTION_SELF_CONTACT:
         scene->self_contact = argument;
+        return 0;
+    case OPTION_FROM:
+        scene->start_from = argument;
         return 0;
     case OPTION_LINES:
         arguments->lines = argument;

@@ -73,6 +73,17 @@ static void put_motion(FILE *file, const json_t *motion)
     if (json_integer_value(json_object_get(motion, "frames")) > 0) {
         put_label(file, "motion");
         put_count(file, "", motion, "frames", "frames");
+    }
+}
+
+static void put_ramp(FILE *file, const json_t *ramp)
+{
+    const json_t *change = json_object_get(ramp, "change");
+    if (json_integer_value(json_object_get(ramp, "steps")) > 0 && json_is_number(change)) {
+        put_label(file, "resized");
+        fprintf(file, "by up to %.3g %%, ", 100 * json_number_value(change));
+        put_count(file, "", ramp, "steps", "steps");
+        put_count(file, ", ", ramp, "iterations", "iterations between");
         fputc('\n', file);
     }
 }
@@ -228,6 +239,7 @@ static void put_report(FILE *file, const json_t *report)
     put_text(file, "method", text_of(report, "method"));
     put_sewing(file, json_object_get(report, "sewing"));
     put_motion(file, json_object_get(report, "motion"));
+    put_ramp(file, json_object_get(report, "ramp"));
     put_counts(file, report);
     put_seconds(file, report);
     put_memory(file, report);

@@ -270,6 +270,10 @@ int scene_write(FILE *file, const struct scene *scene)
         fprintf(file, ",\n");
         status |= write_string(file, "self_contact", scene->self_contact);
     }
+    if (scene->start_from) {
+        fprintf(file, ",\n");
+        status |= write_string(file, "start_from", scene->start_from);
+    }
     status |= write_solver(file, &scene->solver);
     fprintf(file, "}\n");
     return status != 0 || fflush(file) != 0 || ferror(file) ? -1 : 0;

@@ -51,6 +51,7 @@ struct scene {
     double body_offset, body_friction; /* m; Coulomb. Negative: the server's default */
     const char *self_contact;          /* borrowed; may be NULL */
     bool fit;                          /* measure how it fits */
+    const char *start_from;            /* borrowed: the id of a job; may be NULL */
     struct scene_solver solver;
 };
 

@@ -13,6 +13,7 @@
 #include "negotiate.h"
 #include "output.h"
 #include "schema.h"
+#include "start.h"
 
 #define LIST_DEFAULT 50
 #define LIST_MAX     200
@@ -180,11 +181,13 @@ static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, 
     if (failed)
         return -1;
     failed = fill_job(spec, &job);
-    job_spec_free(spec);
     memcpy(ret_id, job.id, sizeof job.id);
     if (failed)
         problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    else
+    else if (spec->start_from[0] != '\0')
+        failed = start_keep(api->store, &api->config->limits, ret_id, spec, reterr);
+    job_spec_free(spec);
+    if (!failed)
         failed = queue_submit(api->queue, &job, text, bytes, ret_body, reterr);
     job_done(&job);
     if (!failed)

@@ -219,6 +219,13 @@ static int write_trace_json(FILE *file, const struct output *output)
     return 0;
 }
 
+/* Text would cost digits, and a drape that is rounded is not at rest. */
+static int write_positions(FILE *file, const struct output *output)
+{
+    fwrite(output->mesh.positions, sizeof(double), 3 * output->mesh.vertices, file);
+    return 0;
+}
+
 /* A drape is not lost for a picture: without PLplot the file says so. */
 static const char NO_PLOT[] =
     "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"640\" height=\"80\">\n"
@@ -278,10 +285,10 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
         const char *name;
         writer_fn *writer;
         bool result; /* left out of a job that only evaluated the start */
-    } FILES[] = {{OUTPUT_RESULT_JSON, write_json, true},     {OUTPUT_RESULT_OBJ, write_obj, true},
-                 {OUTPUT_RESULT_PLY, write_ply, true},       {OUTPUT_RESULT_GLB, write_glb, true},
-                 {OUTPUT_TRACE_CSV, write_trace_csv, false}, {OUTPUT_TRACE_JSON, write_trace_json, false},
-                 {OUTPUT_TRACE_SVG, write_trace_svg, false}};
+    } FILES[] = {{OUTPUT_RESULT_JSON, write_json, true},       {OUTPUT_RESULT_OBJ, write_obj, true},
+                 {OUTPUT_RESULT_PLY, write_ply, true},         {OUTPUT_RESULT_GLB, write_glb, true},
+                 {OUTPUT_POSITIONS, write_positions, true},    {OUTPUT_TRACE_CSV, write_trace_csv, false},
+                 {OUTPUT_TRACE_JSON, write_trace_json, false}, {OUTPUT_TRACE_SVG, write_trace_svg, false}};
     struct output output = {
         .spec = spec, .report = report, .mesh = spec->cloth, .fit = fit, .row = row, .rows = rows};
     struct fitmap map = {0};

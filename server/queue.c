@@ -438,6 +438,7 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
     queue->reserved += !failed;
     pthread_mutex_unlock(&queue->lock);
     if (failed) {
+        store_start_drop(queue->setup.store, item->job.id);
         free_item(item);
         return -1;
     }

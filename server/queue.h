@@ -47,8 +47,8 @@ int queue_start(struct queue *queue, struct problem *reterr);
 /* Whether a job would be taken now; 0, or -1 with *reterr (queue-full, draining). */
 int queue_admits(struct queue *queue, struct problem *reterr);
 
-/* Store. Takes the texts of *job (emptying it) whose id and name and labels are set. On success (0) the
- * job is durable and *ret_body its body, which the caller frees. */
+/* Store. Takes the texts of *job (emptying it) whose id and name and labels are set, and what was kept for it
+ * to start from. On success (0) the job is durable and *ret_body its body, which the caller frees. */
 int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
                  struct problem *reterr);
 

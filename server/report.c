@@ -167,7 +167,8 @@ json_t *schema_energies_json(const drape_energies *energies)
 static const char *const PHASE[] = {[DRAPE_PHASE_SEWING] = "sewing",
                                     [DRAPE_PHASE_MOVING] = "moving",
                                     [DRAPE_PHASE_DRAPING] = "draping",
-                                    [DRAPE_PHASE_CERTIFYING] = "certifying"};
+                                    [DRAPE_PHASE_CERTIFYING] = "certifying",
+                                    [DRAPE_PHASE_RAMPING] = "ramping"};
 
 /* percent stays null: the iterations that a drape needs are not known before it rests, and the share of
  * the budget that is spent says nothing about the work that is left. */
@@ -220,6 +221,15 @@ static json_t *motion_json(const drape_report *report)
 {
     json_t *object = json_object();
     return finish(object, json_object_set_new(object, "frames", count(report->motion_frames)));
+}
+
+static json_t *ramp_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "steps", count(report->ramp_steps));
+    failed |= json_object_set_new(object, "iterations", count(report->ramp_iterations));
+    failed |= json_object_set_new(object, "change", number(report->change));
+    return finish(object, failed);
 }
 
 static json_t *stages_json(const drape_report *report)
@@ -314,6 +324,7 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "solves", count(report->solves));
     failed |= json_object_set_new(object, "sewing", sewing_json(report));
     failed |= json_object_set_new(object, "motion", motion_json(report));
+    failed |= json_object_set_new(object, "ramp", ramp_json(report));
     failed |= json_object_set_new(object, "seconds", number(report->seconds));
     failed |= json_object_set_new(object, "stages", stages_json(report));
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));

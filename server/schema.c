@@ -180,18 +180,24 @@ static int require_index(struct reader *r, const json_t *object, const char *poi
     return 0;
 }
 
-static int refuse_present(struct reader *r, const json_t *object, const char *pointer, const char *member)
-{
-    if (!json_object_get(object, member))
-        return 0;
-    return refuse(r, PROBLEM_UNSUPPORTED, pointer, member, "is not done in this version");
-}
-
 static void element_pointer(char *ret, size_t size, const char *array, size_t i)
 {
     char index[24];
     snprintf(index, sizeof index, "%zu", i);
     jsontext_pointer(ret, size, array, index);
+}
+
+/* ---- the job it starts from ------------------------------------------------------------------- */
+
+static int read_start_from(struct reader *r, const json_t *root)
+{
+    const json_t *id = json_object_get(root, "start_from");
+    if (!id)
+        return 0;
+    if (!json_is_string(id) || !id_valid(json_string_value(id)))
+        return refuse(r, PROBLEM_INVALID, "", "start_from", "must be the id of a job");
+    memcpy(r->spec->start_from, json_string_value(id), ID_SIZE);
+    return 0;
 }
 
 /* ---- name and labels -------------------------------------------------------------------------- */
@@ -1024,9 +1030,8 @@ static int read_job(struct reader *r)
                                           "lines",        "start_from", NULL};
     json_t *root = r->json.root;
     int self_contact = (int)r->spec->scene.self_contact;
-    if (check_object(r, root, "", MEMBERS) || refuse_present(r, root, "", "start_from") ||
-        read_name(r, root) || read_labels(r, root) ||
-        GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
+    if (check_object(r, root, "", MEMBERS) || read_start_from(r, root) || read_name(r, root) ||
+        read_labels(r, root) || GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
         get_vector(r, root, "", "gravity", false, r->spec->scene.gravity) || read_solver(r, root) ||
         read_boolean(r, root, "", "fit", &r->spec->options.fit) || read_cloth(r, root))
         return -1;
@@ -1039,7 +1044,8 @@ static void link_scene(struct job_spec *spec)
 {
     spec->scene.vertices = spec->cloth.vertices;
     spec->scene.triangles = spec->cloth.triangles;
-    spec->scene.positions = spec->cloth.positions;
+    spec->scene.positions = spec->start ? spec->start : spec->cloth.positions;
+    spec->scene.start_pattern = spec->start_pattern;
     spec->scene.pattern = spec->cloth.pattern;
     spec->scene.triangle = spec->cloth.triangle;
     spec->scene.seam = spec->seam;
@@ -1092,13 +1098,19 @@ static int find_warnings(struct reader *r)
     return 0;
 }
 
-static int check_scene(struct reader *r)
+int schema_scene_check(struct job_spec *spec, struct problem *reterr)
 {
     drape_error error;
-    link_scene(r->spec);
-    if (drape_check(&r->spec->scene, &r->spec->options, &error) >= 0)
+    link_scene(spec);
+    if (drape_check(&spec->scene, &spec->options, &error) >= 0)
+        return 0;
+    return schema_solver_problem(&error, reterr);
+}
+
+static int check_scene(struct reader *r)
+{
+    if (schema_scene_check(r->spec, r->problem) == 0)
         return join_lines(r) < 0 ? -1 : find_warnings(r);
-    schema_solver_problem(&error, r->problem);
     point_at_ref(r, r->problem);
     return -1;
 }
@@ -1151,6 +1163,8 @@ struct job_spec *job_spec_free(struct job_spec *spec)
     json_decref(spec->warnings);
     free(spec->seam);
     free(spec->pin);
+    free(spec->start);
+    free(spec->start_pattern);
     free(spec->triangle_material);
     for (size_t i = 0; spec->curve && i < 3 * spec->scene.materials; i++)
         free(spec->curve[i]);

@@ -4,15 +4,17 @@
 #define DRAPED_SCHEMA_H
 
 #include "drape.h"
+#include "id.h"
 #include "limits.h"
 #include "lines.h"
 #include "meshfile.h"
 #include "problem.h"
 
-struct job_spec {      /* owns everything it points to */
-    char name[201];    /* "" when absent */
-    json_t *labels;    /* object of strings, or NULL */
-    struct mesh cloth; /* positions, triangles, pattern */
+struct job_spec {             /* owns everything it points to */
+    char name[201];           /* "" when absent */
+    json_t *labels;           /* object of strings, or NULL */
+    char start_from[ID_SIZE]; /* the job at whose result this one begins; "": none */
+    struct mesh cloth;        /* positions, triangles, pattern */
     uint32_t *seam, *pin, *triangle_material;
     drape_material *material;
     double **curve; /* 3*materials: points of a weft, warp, shear curve; NULL where it is a number */
@@ -27,14 +29,18 @@ struct job_spec {      /* owns everything it points to */
         size_t keyframes;
     } * motion; /* one per body, empty where it stands */
     drape_body *body;
-    struct lines *lines;    /* to be measured, joined; NULL: none */
-    drape_scene_desc scene; /* points into the arrays above */
-    drape_options options;  /* progress left NULL */
-    json_t *warnings;       /* array of {pointer, detail}: see drape_scene_warnings; NULL: none */
+    struct lines *lines;           /* to be measured, joined; NULL: none */
+    double *start, *start_pattern; /* 3*, 2*vertices: that result and its pattern, see start.h; NULL: none */
+    drape_scene_desc scene;        /* points into the arrays above */
+    drape_options options;         /* progress left NULL */
+    json_t *warnings;              /* array of {pointer, detail}: see drape_scene_warnings; NULL: none */
 };
 
 /* Loads the mesh uploaded under `sha256` (64 hex digits) into *ret; 0, or -1 with *reterr filled. */
 typedef int schema_mesh_fn(const char *sha256, struct mesh *ret, struct problem *reterr, void *data);
+
+/* Checks the scene again, after its start was put in. 0, or -1 and *reterr. */
+int schema_scene_check(struct job_spec *spec, struct problem *reterr);
 
 /* Parses and checks a whole job (the document is described in openapi.json): syntax, depth and counts, types,
  * unknown members, ranges, then drape_scene_check. 0 and *ret, or -1 and *reterr. Thread-safe. */

@@ -12,6 +12,7 @@
 #include "meshref.h"
 #include "output.h"
 #include "schema.h"
+#include "start.h"
 
 struct run {
     const struct solve_task *task;
@@ -57,6 +58,8 @@ static int load(struct run *run, struct problem *reterr)
         return -1;
     int failed = schema_job_parse(text, bytes, task->limits, meshref_load, &meshref, &run->spec, reterr);
     free(text);
+    if (!failed && run->spec->start_from[0] != '\0')
+        failed = start_load(task->store, task->limits, task->id, run->spec, reterr);
     return failed;
 }
 

@@ -148,6 +148,14 @@ static void document_name(const char *id, char ret[NAME_SIZE])
     snprintf(ret, NAME_SIZE, "%s.json", id);
 }
 
+static void start_name(const char *id, const char *suffix, char ret[NAME_SIZE])
+{
+    snprintf(ret, NAME_SIZE, "%s%s", id, suffix);
+}
+
+#define FROM_SUFFIX  ".from"
+#define START_SUFFIX ".start"
+
 /* An attempt writes and publishes under its own name: a stale one can never touch another's files. */
 static void results_name(const char *id, uint32_t attempt, const char *suffix, char ret[NAME_SIZE])
 {
@@ -482,6 +490,14 @@ static void sweep_entry(const char *name, void *data)
         sweep->removed++;
 }
 
+/* The names of a start are wanted until their job has ended. */
+static bool start_wanted(const char *name, const struct job *job)
+{
+    const char *suffix = name + strlen(job->id);
+    return !job_status_ended(job->status) &&
+           (strcmp(suffix, FROM_SUFFIX) == 0 || strcmp(suffix, START_SUFFIX) == 0);
+}
+
 /* Whether a document or result folder `name` is what the row of its job, if there is one, speaks of. */
 static bool job_entry_wanted(struct store *store, const char *name, bool result)
 {
@@ -494,7 +510,8 @@ static bool job_entry_wanted(struct store *store, const char *name, bool result)
         results_name(id, job.revision.attempt, "", expected);
     else
         document_name(id, expected);
-    bool wanted = strcmp(name, expected) == 0 && (!result || job.status == JOB_SUCCEEDED);
+    bool wanted = strcmp(name, expected) == 0 ? !result || job.status == JOB_SUCCEEDED
+                                              : !result && start_wanted(name, &job);
     job_done(&job);
     return wanted;
 }
@@ -556,11 +573,16 @@ int store_job_add(struct store *store, const struct job *job, const void *docume
 {
     char name[NAME_SIZE];
     document_name(job->id, name);
-    if (files_write_durably(store->jobs, name, document, bytes) != 0)
-        return fail_file(store, "keep the job", reterr);
+    if (files_write_durably(store->jobs, name, document, bytes) != 0) {
+        int failed = fail_file(store, "keep the job", reterr);
+        store_start_drop(store, job->id);
+        return failed;
+    }
     int result = write_job(store, SQL_JOB_ADD, job, "add the job", reterr);
-    if (result != 0)
+    if (result != 0) {
         files_remove(store->jobs, name);
+        store_start_drop(store, job->id);
+    }
     return result;
 }
 
@@ -571,7 +593,10 @@ int store_job_start(struct store *store, const struct job *job, struct problem *
 
 int store_job_cancel_queued(struct store *store, const struct job *job, struct problem *reterr)
 {
-    return write_job(store, SQL_JOB_CANCEL_QUEUED, job, "cancel the job", reterr);
+    int result = write_job(store, SQL_JOB_CANCEL_QUEUED, job, "cancel the job", reterr);
+    if (result == 0)
+        store_start_drop(store, job->id);
+    return result;
 }
 
 int store_job_cancel_running(struct store *store, const struct job *job, struct problem *reterr)
@@ -599,6 +624,8 @@ int store_job_finish(struct store *store, const struct job *job, struct problem 
     int result = write_job(store, SQL_JOB_FINISH, job, "finish the job", reterr);
     if (publish && result == STORE_NONE)
         files_remove(store->results, name);
+    if (result == 0)
+        store_start_drop(store, job->id);
     return result;
 }
 
@@ -747,6 +774,79 @@ int store_result_open(struct store *store, const char *id, uint32_t attempt, con
     *ret_fd = fd;
     *ret_bytes = (uint64_t)st.st_size;
     return 0;
+}
+
+/* ---- starts ------------------------------------------------------------------------------------- */
+
+/* Gives an existing file a second name, that of job `id` with `suffix`; 0, or -1 with errno. */
+static int link_start(struct store *store, int dirfd, const char *path, const char *id, const char *suffix)
+{
+    char name[NAME_SIZE];
+    start_name(id, suffix, name);
+    return linkat(dirfd, path, store->jobs, name, 0);
+}
+
+int store_start_keep(struct store *store, const char *id, const char *from, const char *file,
+                     struct problem *reterr)
+{
+    struct job job;
+    char document[NAME_SIZE], folder[NAME_SIZE], path[NAME_SIZE + 32];
+    int found = store_job_get(store, from, &job, reterr);
+    if (found != 0)
+        return found;
+    enum job_status status = job.status;
+    document_name(from, document);
+    results_name(from, job.revision.attempt, "", folder);
+    snprintf(path, sizeof path, "%s/%s", folder, file);
+    job_done(&job);
+    if (!job_status_ended(status))
+        return STORE_UNFINISHED;
+    if (status != JOB_SUCCEEDED)
+        return STORE_WITHOUT;
+    if (link_start(store, store->jobs, document, id, FROM_SUFFIX) == 0 &&
+        link_start(store, store->results, path, id, START_SUFFIX) == 0 && fsync(store->jobs) == 0)
+        return 0;
+    bool missing = errno == ENOENT;
+    int failed = missing ? 0 : fail_file(store, "keep the start", reterr);
+    store_start_drop(store, id);
+    if (!missing)
+        return failed;
+    found = store_job_get(store, from, &job, reterr); /* it may just have been removed */
+    if (found == 0)
+        job_done(&job);
+    return found == 0 ? STORE_WITHOUT : found;
+}
+
+void store_start_drop(struct store *store, const char *id)
+{
+    static const char *const suffix[] = {FROM_SUFFIX, START_SUFFIX};
+    for (size_t i = 0; i < sizeof suffix / sizeof *suffix; i++) {
+        char name[NAME_SIZE];
+        start_name(id, suffix[i], name);
+        files_remove(store->jobs, name); /* else it goes at the next start */
+    }
+}
+
+static int read_start(struct store *store, const char *id, const char *suffix, char **ret, size_t *ret_bytes,
+                      struct problem *reterr)
+{
+    char name[NAME_SIZE];
+    start_name(id, suffix, name);
+    if (files_read(store->jobs, name, ret, ret_bytes) != 0)
+        return fail_file(store, "give the start back", reterr);
+    return 0;
+}
+
+int store_start_document(struct store *store, const char *id, char **ret, size_t *ret_bytes,
+                         struct problem *reterr)
+{
+    return read_start(store, id, FROM_SUFFIX, ret, ret_bytes, reterr);
+}
+
+int store_start_drape(struct store *store, const char *id, char **ret, size_t *ret_bytes,
+                      struct problem *reterr)
+{
+    return read_start(store, id, START_SUFFIX, ret, ret_bytes, reterr);
 }
 
 /* ---- meshes ------------------------------------------------------------------------------------- */

@@ -3,6 +3,7 @@
  *   draped.db               SQLite: one row per job and per mesh
  *   draped.lock             held by the one daemon that may use the folder
  *   jobs/<id>.json          the document as it was posted
+ *   jobs/<id>.from, .start  of a re-drape that has not ended: document and drape of the job it starts from
  *   results/<id>.<attempt>/ the files of output.h, complete and synced before the row says so
  *   results/<id>.<attempt>.tmp/   the same while that attempt writes them
  *   meshes/<sha256>         an uploaded mesh, byte for byte
@@ -47,7 +48,7 @@ typedef int store_job_fn(const struct job *job, void *data); /* borrowed; nonzer
 int store_recover(struct store *store, unsigned max_crashes, int64_t now_ms, store_job_fn *each, void *data,
                   struct problem *reterr);
 
-/* A queued job with its document: durable once this returns 0. */
+/* A queued job with its document: durable once this returns 0; else what store_start_keep kept is dropped. */
 int store_job_add(struct store *store, const struct job *job, const void *document, size_t bytes,
                   struct problem *reterr);
 
@@ -98,6 +99,25 @@ void store_results_drop(struct store *store, const char *id, uint32_t attempt);
  * *ret_fd. */
 int store_result_open(struct store *store, const char *id, uint32_t attempt, const char *file, int *ret_fd,
                       uint64_t *ret_bytes, struct problem *reterr);
+
+/* ---- starts --------------------------------------------------------------------------------------
+ * A re-drape begins at the result of another job. It keeps document and drape of that job under its own name
+ * (hard links: no copy, and they outlive whatever becomes of the other job) until it has ended. */
+
+/* For job `id`, which is added afterwards, what `from` has; `file` is that of its drape among the results.
+ * STORE_NONE or STORE_GONE as store_job_get of `from`; STORE_UNFINISHED where it has not ended,
+ * STORE_WITHOUT where it ended without that file. */
+int store_start_keep(struct store *store, const char *id, const char *from, const char *file,
+                     struct problem *reterr);
+#define STORE_UNFINISHED 3
+#define STORE_WITHOUT    4
+void store_start_drop(struct store *store, const char *id);
+
+/* The document of the job that `id` starts from, and its drape; the caller frees both. */
+int store_start_document(struct store *store, const char *id, char **ret, size_t *ret_bytes,
+                         struct problem *reterr);
+int store_start_drape(struct store *store, const char *id, char **ret, size_t *ret_bytes,
+                      struct problem *reterr);
 
 /* ---- meshes -------------------------------------------------------------------------------------- */
 

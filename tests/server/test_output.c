@@ -31,7 +31,7 @@ static void empty_folder(const struct fixture *f)
 {
     static const char *const NAME[] = {OUTPUT_RESULT_JSON, OUTPUT_RESULT_OBJ, OUTPUT_RESULT_PLY,
                                        OUTPUT_RESULT_GLB,  OUTPUT_TRACE_CSV,  OUTPUT_TRACE_JSON,
-                                       OUTPUT_TRACE_SVG};
+                                       OUTPUT_TRACE_SVG,   OUTPUT_POSITIONS};
     for (size_t i = 0; i < sizeof NAME / sizeof *NAME; i++)
         unlinkat(f->dirfd, NAME[i], 0);
 }
@@ -129,13 +129,28 @@ static double at(const json_t *array, size_t i)
 
 /* ------------------------------------------------------------------------------------------------ */
 
-static void test_output__all_seven_files_are_written(void **state)
+static void test_output__all_eight_files_are_written(void **state)
 {
     struct problem problem;
     assert_int_equal(write_all(*state, &problem), 0);
-    assert_int_equal(count_files(*state), 7);
+    assert_int_equal(count_files(*state), 8);
     assert_int_equal(write_all(*state, &problem), 0); /* again, over the first */
-    assert_int_equal(count_files(*state), 7);
+    assert_int_equal(count_files(*state), 8);
+}
+
+/* What another job starts from must be the drape to the last bit. */
+static void test_output__positions_lose_no_digit(void **state)
+{
+    struct fixture *f = *state;
+    struct problem problem;
+    size_t bytes;
+    double *kept = f->spec->cloth.positions; /* what write_all writes */
+    kept[1] = 1.0 / 3;
+    assert_int_equal(write_all(f, &problem), 0);
+    char *file = read_file(f, OUTPUT_POSITIONS, &bytes);
+    assert_int_equal(bytes, 18 * sizeof(double));
+    assert_memory_equal(file, kept, bytes);
+    free(file);
 }
 
 static void test_output__result_json_has_the_members_of_the_contract(void **state)
@@ -427,7 +442,7 @@ static void test_output__drape_is_kept_when_plplot_fails(void **state)
     char *data = read_file(f, OUTPUT_TRACE_SVG, &bytes);
     assert_non_null(strstr(data, "could not be drawn"));
     free(data);
-    assert_int_equal(count_files(f), 7);
+    assert_int_equal(count_files(f), 8);
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -436,7 +451,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(test_output__drape_is_kept_when_plplot_fails), /* first: see there */
-        TEST(test_output__all_seven_files_are_written),
+        TEST(test_output__all_eight_files_are_written),
+        TEST(test_output__positions_lose_no_digit),
         TEST(test_output__result_json_has_the_members_of_the_contract),
         TEST(test_output__normals_are_weighted_by_area_and_smooth_across_seams),
         TEST(test_output__mesh_files_read_back),

@@ -745,6 +745,9 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/solver/certify", "0", NULL},
         {"/solver/threads", "8", NULL},
         {"/name", "7", NULL},
+        {"/start_from", "7", NULL},
+        {"/start_from", "\"0123\"", NULL},
+        {"/start_from", "\"0123456789ABCDEF0123456789ABCDEF\"", NULL},
         {"/labels", "[]", NULL},
         {"/labels/order", "4711", NULL},
         {"/clothing", "{}", NULL},
@@ -833,15 +836,6 @@ static void test_schema__what_is_no_motion_is_refused_at_its_place(void **state)
     expect_refusals(&too_many, 1, PROBLEM_TOO_LARGE);
     free(most);
     free(more);
-}
-
-static void test_schema__what_the_contract_has_and_this_version_not_is_unsupported(void **state)
-{
-    (void)state;
-    static const struct refusal REFUSAL[] = {
-        {"/start_from", "\"0123\"", NULL},
-    };
-    expect_refusals(REFUSAL, COUNT(REFUSAL), PROBLEM_UNSUPPORTED);
 }
 
 static void test_schema__what_the_solver_refuses_is_refused_at_its_place(void **state)
@@ -1195,6 +1189,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "solves",
                                           "sewing",
                                           "motion",
+                                          "ramp",
                                           "seconds",
                                           "stages",
                                           "peak_bytes",
@@ -1373,7 +1368,6 @@ int main(void)
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__motion_is_read),
         cmocka_unit_test(test_schema__what_is_no_motion_is_refused_at_its_place),
-        cmocka_unit_test(test_schema__what_the_contract_has_and_this_version_not_is_unsupported),
         cmocka_unit_test(test_schema__what_the_solver_refuses_is_refused_at_its_place),
         cmocka_unit_test(test_schema__mesh_of_a_hash_is_at_fault_at_its_hash),
         cmocka_unit_test(test_schema__unknown_members_are_listed_up_to_the_room_there_is),

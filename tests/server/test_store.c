@@ -144,6 +144,81 @@ static void test_store__a_folder_of_the_first_version_is_read_on(void **state)
     store_close(store);
 }
 
+/* A finished job with one file of results; *ret has its id. */
+static void add_finished(struct store *store, const char *file, struct job *ret)
+{
+    struct problem problem;
+    int dirfd;
+    add_job(store, ret);
+    assert_int_equal(store_job_start(store, ret, &problem), 0);
+    assert_int_equal(store_results_begin(store, ret->id, 1, &dirfd, &problem), 0);
+    int fd = openat(dirfd, file, O_WRONLY | O_CREAT, 0600);
+    assert_int_equal(write(fd, "drape", 5), 5);
+    close(fd);
+    close(dirfd);
+    ret->status = JOB_SUCCEEDED;
+    assert_int_equal(store_job_finish(store, ret, &problem), 0);
+}
+
+static void expect_start(struct store *store, const char *id, bool there)
+{
+    struct problem problem;
+    char *text;
+    size_t bytes;
+    assert_int_equal(store_start_drape(store, id, &text, &bytes, &problem), there ? 0 : -1);
+    if (!there)
+        return;
+    assert_string_equal(text, "drape");
+    free(text);
+    assert_int_equal(store_start_document(store, id, &text, &bytes, &problem), 0);
+    assert_string_equal(text, "{}");
+    free(text);
+}
+
+static void test_store__a_start_outlives_its_job_and_goes_with_the_one_that_needs_it(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct found found;
+    struct job from, job = {.revision = {1, 1}}, orphan = {.revision = {1, 1}};
+    add_finished(store, "positions", &from);
+    id_new(job.id);
+    id_new(orphan.id);
+    assert_int_equal(store_start_keep(store, job.id, from.id, "positions", &problem), 0);
+    assert_int_equal(store_start_keep(store, orphan.id, from.id, "positions", &problem), 0);
+    assert_int_equal(store_job_add(store, &job, "[]", 2, &problem), 0);
+    assert_int_equal(store_job_remove(store, from.id, 1, &problem), 0);
+    store = store_close(store);
+    store = open_store(*state);
+    recover(store, &found);
+    expect_start(store, job.id, true);
+    expect_start(store, orphan.id, false); /* its job was never added */
+    assert_int_equal(store_job_cancel_queued(store, &job, &problem), 0);
+    expect_start(store, job.id, false);
+    store_close(store);
+}
+
+static void test_store__a_start_needs_a_finished_job_with_that_file(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem;
+    struct job queued, from;
+    char id[ID_SIZE], none[ID_SIZE];
+    id_new(id);
+    id_new(none);
+    add_job(store, &queued);
+    add_finished(store, "positions", &from);
+    assert_int_equal(store_start_keep(store, id, none, "positions", &problem), STORE_NONE);
+    assert_int_equal(store_start_keep(store, id, queued.id, "positions", &problem), STORE_UNFINISHED);
+    assert_int_equal(store_start_keep(store, id, from.id, "drape", &problem), STORE_WITHOUT);
+    assert_int_equal(store_job_cancel_queued(store, &queued, &problem), 0);
+    assert_int_equal(store_start_keep(store, id, queued.id, "positions", &problem), STORE_WITHOUT);
+    assert_int_equal(store_job_remove(store, from.id, 1, &problem), 0);
+    assert_int_equal(store_start_keep(store, id, from.id, "positions", &problem), STORE_GONE);
+    expect_start(store, id, false);
+    store_close(store);
+}
+
 static void test_store__a_second_daemon_is_kept_out(void **state)
 {
     struct store *store = open_store(*state), *second = NULL;
@@ -468,6 +543,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_store__a_job_comes_back_as_it_was_added),
         TEST(test_store__a_folder_of_the_first_version_is_read_on),
+        TEST(test_store__a_start_outlives_its_job_and_goes_with_the_one_that_needs_it),
+        TEST(test_store__a_start_needs_a_finished_job_with_that_file),
         TEST(test_store__a_second_daemon_is_kept_out),
         TEST(test_store__queued_jobs_are_recovered_oldest_first_at_their_attempt),
         TEST(test_store__a_crash_requeues_at_the_next_attempt_and_the_third_fails),
