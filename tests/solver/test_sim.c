@@ -703,6 +703,15 @@ static void test_sim__every_allocation_may_fail(void **state)
     e.options.fit = true;
     assert_int_equal(sweep(&e), unmeasured + 1);
     failed += 2 * unmeasured + 1;
+    double
+        smaller[sizeof e.pattern / sizeof *e.pattern]; /* of which the start is a drape: a ramp of 4 steps */
+    for (size_t i = 0; i < sizeof smaller / sizeof *smaller; i++)
+        smaller[i] = e.pattern[i] / 1.2;
+    e.options.fit = false;
+    e.desc.start_pattern = smaller;
+    long ramped = sweep(&e);
+    assert_true(ramped > unmeasured);
+    failed += ramped;
     for (int own = 0; own < 2; own++) { /* a certificate with the method's matrix, and with one of its own */
         make(&e);
         e.options.method = DRAPE_METHOD_STOP_AND_GO;
