@@ -46,6 +46,14 @@ redrape "$chained" .
 solved 'one that starts from one that started from another'
 json 'it rests at once, too' '.report.iterations == 1'
 
+"$DRAPE" run "$work/job" --from "$first" --url "$url" --quiet --json >"$work/run"
+json 'drape run --from does the same' '.report.iterations == 1' "$work/run"
+"$DRAPE" run "$work/run" --from "$first" --url "$url" --quiet 2>"$work/said"
+is 'drape run --from of what is no job: refused by the server' $? 2
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n' >"$work/triangle.obj"
+"$DRAPE" scene --garment "$work/triangle.obj" --material cotton-poplin --from "$first" >"$work/scene"
+json 'drape scene --from writes it' ".start_from == \"$first\"" "$work/scene"
+
 for by in 1.05 1.4; do
     # Its pins, too, where the larger pattern has them: the clamped edge would buckle, this way or that.
     redrape "$first" ".cloth.mesh |= (.pattern |= map(. * $by) | .positions |= map(. * $by))"
