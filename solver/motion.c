@@ -132,17 +132,9 @@ static void carry(struct mover *m, double time)
         dr_friction_carry(m->cloth->friction, m->motor, centre);
     memcpy(m->smoothed, m->motor, mesh->nodes * sizeof *m->motor);
     dr_carry_smooth(m->x, mesh->nodes, mesh->triangle, mesh->triangles, m->distance, m->scratch, m->smoothed);
-    for (size_t i = 0; i < mesh->nodes; i++) {
-        double *move = m->w + 3 * i, to[3] = {m->x[3 * i], m->x[3 * i + 1], m->x[3 * i + 2]};
+    for (size_t i = 0; i < mesh->nodes; i++)
         if (!mesh->held[i])
-            dr_motor_move(m->smoothed + i, centre, to);
-        for (size_t d = 0; d < 3; d++)
-            move[d] = to[d] - m->x[3 * i + d];
-    }
-    if (m->cloth->self) /* what this leaves behind the body pushes */
-        dr_self_clip(m->cloth->self, m->x, m->w);
-    for (size_t i = 0; i < 3 * mesh->nodes; i++)
-        m->x[i] += m->w[i];
+            dr_motor_move(m->smoothed + i, centre, m->x + 3 * i);
 }
 
 /* ---- 3. correct ------------------------------------------------------------------------------ */

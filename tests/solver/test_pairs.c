@@ -389,12 +389,12 @@ static void test_pairs__any_coordinates_end_and_find_only_what_is_finite(void **
     shape_free(&shape);
 }
 
-static void test_pairs__no_triangles_one_triangle_and_two_back_to_back(void **state)
+static void test_pairs__no_triangles_and_one_triangle(void **state)
 {
     (void)state;
     const double x[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-    const uint32_t triangle[] = {0, 1, 2, 0, 2, 1};
-    for (size_t triangles = 0; triangles < 3; triangles++) {
+    const uint32_t triangle[] = {0, 1, 2};
+    for (size_t triangles = 0; triangles < 2; triangles++) {
         struct dr_mesh *mesh = sheets_mesh(3, triangles, triangle);
         struct dr_pairs *pairs = make(mesh);
         assert_int_equal(pairs->sides, triangles ? 3 : 0);
@@ -594,7 +594,7 @@ int main(void)
         cmocka_unit_test(test_pairs__triangles_collapsed_to_lines_and_points),
         cmocka_unit_test(test_pairs__a_heap_shrinks_the_radius_and_stays_small),
         cmocka_unit_test(test_pairs__any_coordinates_end_and_find_only_what_is_finite),
-        cmocka_unit_test(test_pairs__no_triangles_one_triangle_and_two_back_to_back),
+        cmocka_unit_test(test_pairs__no_triangles_and_one_triangle),
         cmocka_unit_test(test_pairs__a_real_shirt_against_everything),
 #ifdef CAN_FAIL_ALLOCATIONS
         cmocka_unit_test(test_pairs__every_allocation_may_fail),
