@@ -38,7 +38,7 @@ drape_status dr_bvh_new(const struct dr_mesh *mesh, const uint32_t *edge, struct
     size_t leaves = mesh->triangles, count = leaves ? 2 * leaves - 1 : 0, room = count ? count : 1;
     bvh->leaves = leaves;
     bvh->count = count;
-    bvh->leaf = calloc(room, sizeof *bvh->leaf);
+    bvh->leaf = calloc(leaves ? leaves : 1, sizeof *bvh->leaf);
     bvh->right = calloc(room, sizeof *bvh->right);
     bvh->box = calloc(room, sizeof *bvh->box);
     bvh->move = calloc(room, sizeof *bvh->move);

@@ -298,6 +298,7 @@ static void test_lines__there_are_so_many_and_no_more(void **state)
     free(edge);
 }
 
+#ifdef CAN_FAIL_ALLOCATIONS
 /* Of the scene and of a cloth that has all three. */
 static drape_status make_all(const struct example *e, drape_error *reterr)
 {
@@ -318,6 +319,7 @@ static drape_status make_all(const struct example *e, drape_error *reterr)
     drape_scene_free(scene);
     return status;
 }
+#endif
 
 static void test_lines__survive_any_failed_allocation(void **state)
 {
