@@ -260,11 +260,12 @@ static __attribute__((noinline)) void record(struct dr_state *s)
 }
 
 /* Notes the state to return should no later one come to rest. Energies are comparable as long as friction's
- * anchors stay. */
+ * anchors stay; the first state with new ones is kept unless it is worse than the start. */
 static void keep_best(struct dr_state *s)
 {
-    bool first = !s->row.iteration || (dr_cloth_has_anchors(s->cloth) && s->anchored == s->row.iteration);
-    if (!first && !(s->row.energy.potential < s->best_row.energy.potential))
+    bool renewed = dr_cloth_has_anchors(s->cloth) && s->anchored == s->row.iteration;
+    double bound = renewed ? s->sim->row[0].energy.potential : s->best_row.energy.potential;
+    if (s->row.iteration && !(s->row.energy.potential < bound))
         return;
     memcpy(s->best, s->x, 3 * s->cloth->mesh->nodes * sizeof *s->best);
     s->best_row = s->row;

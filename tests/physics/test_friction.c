@@ -149,6 +149,32 @@ static void test_friction__cloth_comes_to_rest_on_a_sphere(void **state)
     setup_free(setup);
 }
 
+/* The undamped swing throws it up, with other anchors every few states. */
+static void test_friction__what_is_returned_is_not_worse_than_the_start(void **state)
+{
+    (void)state;
+    struct setup *setup = setup_new(grid_new(GRID_DELAUNAY, 8, 8, 0.4, 0.4, 0), isotropic(0.1, 50, 1e-5));
+    const drape_body ball = {.kind = DRAPE_BODY_SPHERE,
+                             .offset = 0.003,
+                             .friction = 10,
+                             .point = {0.2, -0.12, -0.2},
+                             .radius = 0.1};
+    setup->desc.body = &ball;
+    setup->desc.bodies = 1;
+    drape_options options = drape_options_default();
+    options.method = DRAPE_METHOD_DYNAMIC;
+    options.integrator = DRAPE_IMPLICIT_MIDPOINT;
+    options.max_iterations = 300;
+    struct run run = run_new(&setup->desc, &options);
+    tell("thrown", setup, &run);
+    print_message("  %.3g J above the start\n",
+                  run.report->state.energy.potential - run.row[0].energy.potential);
+    assert_int_not_equal(run.report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_true(run.report->state.energy.potential <= run.row[0].energy.potential);
+    run_done(&run);
+    setup_free(setup);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -157,6 +183,7 @@ int main(void)
         cmocka_unit_test(test_friction__a_fabric_may_have_its_own),
         cmocka_unit_test(test_friction__a_held_patch_is_certified),
         cmocka_unit_test(test_friction__cloth_comes_to_rest_on_a_sphere),
+        cmocka_unit_test(test_friction__what_is_returned_is_not_worse_than_the_start),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
