@@ -23,6 +23,20 @@ static void accelerate(const struct dr_mesh *mesh, const double *f, double *a)
         a[i] = mesh->held[i / 3] ? 0 : f[i] / mesh->mass[i / 3];
 }
 
+/* What a body or the cloth itself stops has lost its speed, or it would press on with all of it at each step
+ * and come five times as near. */
+static void limit(struct dr_state *s, double dt)
+{
+    size_t nodes = s->cloth->mesh->nodes;
+    double *wanted = s->extra[ACCELERATION]; /* free by now */
+    memcpy(wanted, s->w, 3 * nodes * sizeof *wanted);
+    dr_state_limit(s);
+    for (size_t i = 0; i < 3 * nodes; i += 3)
+        if (memcmp(wanted + i, s->w + i, 3 * sizeof *wanted) != 0)
+            for (size_t d = i; d < i + 3; d++)
+                s->v[d] = s->w[d] / dt;
+}
+
 static drape_status advance(struct dr_state *s, drape_error *reterr)
 {
     static const double weight[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, at[4] = {0, 0.5, 0.5, 1};
@@ -58,7 +72,7 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     }
     bool finite = isfinite(dr_state_dot(s, s->w, s->w));
     if (finite) /* the clip wants numbers */
-        dr_state_limit(s);
+        limit(s, dt);
     for (size_t i = 0; i < count; i++)
         s->x_next[i] = s->x[i] + s->w[i];
     dr_cloth_energy(s->cloth, s->x_next, &energy, s->f_next);
