@@ -57,6 +57,7 @@
 #define LONGEST_MOVE  0.05 /* m; a longer step is scaled down as a whole */
 #define MOST_STRAIN   0.5  /* likewise */
 #define MOST_TRUE     0.05 /* likewise, of a step with the true Hessian */
+#define MOST_HALVINGS 20   /* of a step that the model says climbs */
 
 /* The method's own arrays: residual of the quadratic model, direction p, A+ p, what the projection dropped,
  * times p; with bodies also the residual of the model with its gaps, and the gaps' share of its product. */
@@ -281,6 +282,34 @@ static drape_status touch(struct dr_state *s, drape_error *reterr)
     return DRAPE_OK;
 }
 
+/* What rounding may make of a difference of energies here, J. */
+static double noise_of(const struct dr_state *s)
+{
+    const drape_energies *e = &s->row.energy;
+    return 1e-13 * (e->stretch + e->bend + e->contact + fabs(e->gravity));
+}
+
+/* The model's decrease f.w - w'Hw/2 - X(w), with w'(M/h^2 + H)w = (f - r).w where r is the residual. */
+static double predict(const struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    long double inertia = 0;
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        inertia += mesh->mass[i / 3] * s->w[i] * s->w[i]; /* w is zero on held nodes */
+    double left = s->corrected || s->gaps ? dr_state_dot(s, s->extra[RESIDUAL], s->w) : 0;
+    return 0.5 * (dr_state_dot(s, s->f, s->w) + left + (double)inertia / (s->h * s->h)) - s->surplus;
+}
+
+/* w and its residual, times `scale`. */
+static void scale_step(struct dr_state *s, double scale)
+{
+    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++) {
+        s->w[i] *= scale;
+        s->extra[RESIDUAL][i] = scale * s->extra[RESIDUAL][i] + (1 - scale) * s->f[i];
+    }
+    look_at_gaps(s);
+}
+
 /* Scales a step down that is too long for the model to hold. */
 static void shorten(struct dr_state *s)
 {
@@ -297,13 +326,13 @@ static void shorten(struct dr_state *s)
             s->x_next[i] = scale * s->w[i]; /* free until the move */
         scale *= dr_self_allows(s->cloth->self, s->x, s->x_next);
     }
-    if (scale == 1)
-        return;
-    for (size_t i = 0; i < count; i++) {
-        s->w[i] *= scale;
-        s->extra[RESIDUAL][i] = scale * s->extra[RESIDUAL][i] + (1 - scale) * s->f[i];
+    if (scale < 1)
+        scale_step(s, scale);
+    /* Newton's method on the gaps may have ended early, above where it began. */
+    for (int i = 0; i < MOST_HALVINGS && predict(s) < -noise_of(s); i++) {
+        s->shortened = true;
+        scale_step(s, 0.5);
     }
-    look_at_gaps(s);
 }
 
 /* ---- the method ---------------------------------------------------------------------------------- */
@@ -314,17 +343,6 @@ static void begin(struct dr_state *s)
     s->limit = FIRST_LIMIT;
     s->ratio = 1;
     s->lowest = s->lowest_force = INFINITY;
-}
-
-/* The model's decrease f.w - w'Hw/2, with w'(M/h^2 + H)w = (f - r).w where r is the residual. */
-static double predict(const struct dr_state *s)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    long double inertia = 0;
-    for (size_t i = 0; i < 3 * mesh->nodes; i++)
-        inertia += mesh->mass[i / 3] * s->w[i] * s->w[i]; /* w is zero on held nodes */
-    double left = s->corrected || s->gaps ? dr_state_dot(s, s->extra[RESIDUAL], s->w) : 0;
-    return 0.5 * (dr_state_dot(s, s->f, s->w) + left + (double)inertia / (s->h * s->h)) - s->surplus;
 }
 
 static drape_status assess(struct dr_state *s, drape_error *reterr)
@@ -389,11 +407,13 @@ static drape_status bite(struct dr_state *s, drape_error *reterr)
 }
 
 /* Sets h and the limit for the next step by how this one fitted; false: it is not to be taken. */
-static bool adapt(struct dr_state *s, double size)
+static bool adapt(struct dr_state *s)
 {
-    bool noise = s->predicted < 1e-13 * size; /* below round-off the force alone decides */
+    bool noise = fabs(s->predicted) < noise_of(s); /* below round-off the force alone decides */
     if (noise)
         s->ratio = 1;
+    else if (s->predicted < 0) /* a step that the model says climbs is never one that it foresaw */
+        s->ratio = -INFINITY;
     bool rejected = s->ratio < BAD_FIT && s->rejected < MOST_REJECTED;
     s->rejected = rejected ? s->rejected + 1 : 0;
     if (s->ratio < GOOD_FIT)
@@ -427,7 +447,7 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &s->strain);
     double potential = dr_cloth_energy(s->cloth, s->x_next, &there, s->f_next);
     s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
-    if (adapt(s, size)) {
+    if (adapt(s)) {
         if (isfinite(potential))
             dr_state_arrive(s, &there);
         else
