@@ -123,6 +123,11 @@ struct dr_pairs *dr_pairs_free(struct dr_pairs *pairs)
     return NULL;
 }
 
+void dr_pairs_between(struct dr_pairs *pairs, const uint32_t *part)
+{
+    pairs->part = part;
+}
+
 size_t dr_pairs_bytes(const struct dr_pairs *pairs)
 {
     const struct dr_mesh *mesh = pairs->mesh;
@@ -228,6 +233,8 @@ static inline bool find_in_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t
 {
     struct search *search = data;
     const struct dr_leaf *p = dr_bvh_leaf(bvh, a), *q = dr_bvh_leaf(bvh, b);
+    if (dr_pairs_one_part(search->pairs, p, q))
+        return true;
     for (unsigned k = 0; k < 3; k++) {
         if (p->owned >> k & 1 && !try_face(search, p->node[k], q, bvh->box + b))
             return false;

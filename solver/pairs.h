@@ -24,6 +24,7 @@ struct dr_pair {
 
 struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     const struct dr_mesh *mesh;
+    const uint32_t *part; /* nodes, borrowed: what is of one part is never a pair; NULL: there are no parts */
 
     size_t sides;            /* edges of the mesh */
     uint32_t *side;          /* 2*sides: the nodes of each, smaller first */
@@ -48,6 +49,10 @@ struct dr_pairs { /* read-only but for pairs.c and sweep.c */
 drape_status dr_pairs_new(const struct dr_mesh *mesh, struct dr_pairs **ret, drape_error *reterr);
 struct dr_pairs *dr_pairs_free(struct dr_pairs *pairs); /* NULL is fine; returns NULL */
 size_t dr_pairs_bytes(const struct dr_pairs *pairs);    /* what is held now */
+
+/* From here on only what is of different parts can be a pair (crossings are counted all the same). `part`
+ * (nodes) must outlive the pairs; the corners of a triangle have the same. */
+void dr_pairs_between(struct dr_pairs *pairs, const uint32_t *part);
 
 /* Lists all pairs closer than `radius` (m) at x (3*nodes). Where that passes
  * DR_PAIRS_PER_TRIANGLE or DR_PAIRS_MAX_MEETINGS, the radius is halved, at last to 0 (no pairs): memory and
@@ -74,6 +79,13 @@ size_t dr_pairs_crossings(struct dr_pairs *pairs, const double *x, struct dr_cro
 /* Whether edge `side` crosses `triangle`, with which it shares no node, and where (unless NULL). */
 bool dr_pairs_cross(const struct dr_pairs *pairs, const double *x, uint32_t side, uint32_t triangle,
                     double ret_at[3]);
+
+/* Whether two triangles are of one part. */
+static inline bool dr_pairs_one_part(const struct dr_pairs *pairs, const struct dr_leaf *p,
+                                     const struct dr_leaf *q)
+{
+    return pairs->part && pairs->part[p->node[0]] == pairs->part[q->node[0]];
+}
 
 static inline bool dr_pairs_shares_node(const uint32_t corner[3], uint32_t node)
 {

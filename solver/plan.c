@@ -94,6 +94,8 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
         body_bytes += dr_body_bytes(scene->body[b]);
     if (scene->pieces)
         sewing_bytes = dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend);
+    if (scene->piece_part)
+        sewing_bytes += scene->vertices * sizeof *scene->piece_part;
 
     decide(plan, DR_TERM_STRETCH, "stretch", true, dr_mesh_bytes(cloth->mesh), "");
     decide(plan, DR_TERM_CURVES, "strain-stress-curves", scene->curve_points > 0,
@@ -162,6 +164,8 @@ void dr_plan_compile(struct drape_sim *sim)
             .mesh = scene->pieces,
             .bend = scene->pieces_bend,
             .contact = scene->bodies > 0,
+            .self = self && scene->piece_part, /* the edges of one garment have yet to meet */
+            .part = scene->piece_part,
             .tacks = scene->tacks > 0,
             .link = scene->seam,
             .links = scene->seams,

@@ -49,6 +49,7 @@ struct dr_cloth_plan {
     const struct dr_mesh *mesh;            /* NULL: there is no such mesh */
     const struct dr_bend *bend;            /* NULL: left out */
     bool gravity, contact, friction, self; /* false: left out */
+    const uint32_t *part;                  /* nodes: self keeps only different parts apart; NULL: all */
     bool elastics, folds, tacks;           /* likewise */
     const uint32_t *link;                  /* 2*links: node pairs that springs will join; NULL: none */
     size_t links;

@@ -454,6 +454,43 @@ static drape_status share_nodes(const drape_scene_desc *desc, drape_scene *scene
     return DRAPE_OK;
 }
 
+/* Puts the seams of the first part first, and so on; within a part they keep their order. */
+static drape_status sort_seams(drape_scene *scene, drape_error *reterr)
+{
+    size_t *next = calloc(scene->parts + 1, sizeof *next); /* where the next seam of each part goes */
+    uint32_t *sorted = malloc((scene->seams ? scene->seams : 1) * 2 * sizeof *sorted);
+    if (!next || !sorted) {
+        free(next);
+        free(sorted);
+        return dr_out_of_memory(reterr);
+    }
+    for (size_t s = 0; s < scene->seams; s++)
+        next[scene->piece_part[scene->seam[2 * s]] + 1]++;
+    for (size_t p = 0; p < scene->parts; p++)
+        next[p + 1] += next[p];
+    for (size_t s = 0; s < scene->seams; s++)
+        memcpy(sorted + 2 * next[scene->piece_part[scene->seam[2 * s]]]++, scene->seam + 2 * s,
+               2 * sizeof *sorted);
+    free(next);
+    free(scene->seam);
+    scene->seam = sorted;
+    return DRAPE_OK;
+}
+
+/* Notes in which part each vertex of the pieces will be, where there are several to be sewn in turn. */
+static drape_status find_piece_parts(drape_scene *scene, drape_error *reterr)
+{
+    if (!scene->pieces || scene->parts < 2)
+        return DRAPE_OK;
+    scene->piece_part = calloc(scene->vertices, sizeof *scene->piece_part);
+    if (!scene->piece_part)
+        return dr_out_of_memory(reterr);
+    for (size_t i = 0; i < scene->vertices; i++)
+        if (scene->vertex_node[i] != DR_NONE)
+            scene->piece_part[i] = scene->part[scene->vertex_node[i]];
+    return sort_seams(scene, reterr);
+}
+
 /* Connected components; each must be held by a pin or have a body to fall on. */
 static drape_status find_parts(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
@@ -662,7 +699,7 @@ static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, dra
         (desc->start_pattern && (status = measure_change(desc, scene, reterr)) < 0) ||
         (status = share_nodes(desc, scene, reterr)) < 0 ||
         (has_lines(desc) && (status = dr_lines_compile(desc, scene, reterr)) < 0) ||
-        (status = find_parts(desc, scene, reterr)) < 0)
+        (status = find_parts(desc, scene, reterr)) < 0 || (status = find_piece_parts(scene, reterr)) < 0)
         goto cleanup;
     *ret = scene;
     scene = NULL;
@@ -733,6 +770,7 @@ drape_scene *drape_scene_free(drape_scene *scene)
         free(scene->old_stretch);
         free(scene->part);
         free(scene->part_held);
+        free(scene->piece_part);
         free(scene->material);
         free(scene->curve_point);
         free(scene->seam);
@@ -777,6 +815,8 @@ size_t dr_scene_bytes(const drape_scene *scene)
         bytes += dr_bend_bytes(scene->bend);
     if (scene->pieces)
         bytes += dr_mesh_bytes(scene->pieces) + dr_bend_bytes(scene->pieces_bend);
+    if (scene->piece_part)
+        bytes += scene->vertices * sizeof *scene->piece_part;
     for (size_t b = 0; b < scene->bodies; b++)
         bytes += dr_body_bytes(scene->body[b]);
     bytes += dr_scene_motion_bytes(scene);

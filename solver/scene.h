@@ -32,7 +32,7 @@ struct drape_scene {
     uint32_t *vertex_node; /* vertices: node of each; DR_NONE for a vertex of no triangle */
     double *vertex_share;  /* vertices: its weight in its node's position; they sum to 1 */
     size_t seams;
-    uint32_t *seam;  /* 2*seams */
+    uint32_t *seam;  /* 2*seams; in the order of the parts where there is a piece_part */
     double seam_gap; /* m: widest seam at the start */
     size_t materials;
     drape_material *material;
@@ -60,6 +60,7 @@ struct drape_scene {
     size_t parts;                /* connected components of the welded mesh */
     uint32_t *part;              /* nodes: component of each */
     bool *part_held;             /* parts: it has a held node, or a tacked one */
+    uint32_t *piece_part;        /* vertices: part that each will be in; NULL: one part, or nothing to sew */
 };
 
 /* Bytes held by the scene, and those of them that only motion needs. */

@@ -86,6 +86,11 @@ drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr
     return DRAPE_OK;
 }
 
+void dr_self_between(struct dr_self *self, const uint32_t *part)
+{
+    dr_pairs_between(self->pairs, part);
+}
+
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr)
 {

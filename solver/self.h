@@ -26,6 +26,9 @@ struct dr_self;
 drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr_self **ret,
                          drape_error *reterr);
 
+/* From here on only cloth of different parts is kept apart; see dr_pairs_between. */
+void dr_self_between(struct dr_self *self, const uint32_t *part);
+
 /* Gives it friction, once; for the coefficients see dr_rub_new. */
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr);

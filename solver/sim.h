@@ -64,8 +64,11 @@ drape_status dr_move(struct drape_sim *sim, double *x, drape_error *reterr);
 
 /* Energy k/2 sum |x_i - x_j|^2 of zero-length springs between sewn vertices (J); adds their force to f
  * and finds the widest gap (m). x and f are 3*vertices, seam 2*seams. */
-double dr_seam_energy(const uint32_t *seam, size_t seams, double stiffness, const double *x, double *f,
-                      double *ret_gap);
+double dr_seam_energy(const uint32_t *seam, size_t seams, double stiffness, double most, const double *x,
+                      double *f, double *ret_gap);
+
+/* Of the spring that has the force of such a seam `gap` metres wide, N/m: never less than its curvature. */
+double dr_seam_stiffness(double gap, double stiffness, double most);
 
 /* Drapes the welded cloth from x (3*nodes, overwritten) until rest or until a budget is spent. On
  * return x is the best state, and the report is filled. */

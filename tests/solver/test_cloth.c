@@ -171,7 +171,7 @@ static void test_cloth__seam_springs_pull_as_their_energy_says(void **state)
     uint64_t seed = 7;
     for (int i = 0; i < 9; i++)
         x[i] = test_random(&seed);
-    double energy = dr_seam_energy(seam, 2, 3.5, x, f, &gap);
+    double energy = dr_seam_energy(seam, 2, 3.5, INFINITY, x, f, &gap);
     double d02 = 0, d21 = 0;
     for (int d = 0; d < 3; d++) {
         d02 += (x[d] - x[6 + d]) * (x[d] - x[6 + d]);
@@ -183,11 +183,35 @@ static void test_cloth__seam_springs_pull_as_their_energy_says(void **state)
         const double h = 1e-4; /* the energy is quadratic: central differences are exact */
         double keep = x[i];
         x[i] = keep + h;
-        double up = dr_seam_energy(seam, 2, 3.5, x, scratch, &ignored);
+        double up = dr_seam_energy(seam, 2, 3.5, INFINITY, x, scratch, &ignored);
         x[i] = keep - h;
-        double down = dr_seam_energy(seam, 2, 3.5, x, scratch, &ignored);
+        double down = dr_seam_energy(seam, 2, 3.5, INFINITY, x, scratch, &ignored);
         x[i] = keep;
         assert_near((down - up) / (2 * h), f[i], 1e-10, 1);
+    }
+}
+
+static void test_cloth__bounded_seam_springs_pull_no_harder(void **state)
+{
+    (void)state;
+    const uint32_t seam[] = {0, 1};
+    const double stiffness = 100, most = 0.5; /* reached at 5 mm */
+    const double gap[] = {0.001, 0.0049, 0.0051, 0.3};
+    double f[6], up, down, width;
+    for (int i = 0; i < 4; i++) {
+        const double h = 1e-7;
+        double x[6] = {0, 0, 0, gap[i], 0, 0};
+        memset(f, 0, sizeof f);
+        dr_seam_energy(seam, 1, stiffness, most, x, f, &width);
+        assert_close(f[0], fmin(stiffness * gap[i], most), 1e-14);
+        assert_close(f[3], -f[0], 0);
+        assert_close(width, gap[i], 1e-14);
+        assert_close(dr_seam_stiffness(gap[i], stiffness, most) * gap[i], f[0], 1e-14);
+        x[3] = gap[i] + h;
+        up = dr_seam_energy(seam, 1, stiffness, most, x, f, &width);
+        x[3] = gap[i] - h;
+        down = dr_seam_energy(seam, 1, stiffness, most, x, f, &width);
+        assert_near((up - down) / (2 * h), fmin(stiffness * gap[i], most), 1e-6, 1);
     }
 }
 
@@ -199,6 +223,7 @@ int main(void)
         cmocka_unit_test(test_cloth__a_limp_fabric_has_no_bending_term),
         cmocka_unit_test(test_cloth__the_largest_force_passes_over_held_nodes_and_sees_nan),
         cmocka_unit_test(test_cloth__seam_springs_pull_as_their_energy_says),
+        cmocka_unit_test(test_cloth__bounded_seam_springs_pull_no_harder),
     };
     return cmocka_run_group_tests_name("cloth", tests, NULL, NULL);
 }

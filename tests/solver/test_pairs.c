@@ -302,6 +302,39 @@ static void test_pairs__a_stack_of_layers_against_everything(void **state)
     shape_free(&shape);
 }
 
+/* Of four layers within the radius of each other: the pairs between parts are found, those within none. */
+static void test_pairs__between_parts_finds_only_those(void **state)
+{
+    (void)state;
+    const size_t per = 9;
+    struct shape shape = sheets_stack(2, 4, 0.01, 0.002);
+    struct dr_mesh *mesh = sheets_mesh(shape.vertices, shape.triangles, shape.triangle);
+    struct dr_pairs *pairs = make(mesh);
+    uint32_t part[36];
+    for (size_t v = 0; v < 36; v++)
+        part[v] = v / per == 2; /* layers 0, 1 and 3 are of one part */
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.003, NULL), DRAPE_OK);
+    size_t wanted[2] = {0}, found[2] = {0};
+    for (size_t i = 0; i < pairs->face_count; i++)
+        wanted[0] += part[pairs->faces[i].node[0]] != part[pairs->faces[i].node[1]];
+    for (size_t i = 0; i < pairs->edge_count; i++)
+        wanted[1] += part[pairs->edges[i].node[0]] != part[pairs->edges[i].node[2]];
+    assert_true(wanted[0] > 0 && wanted[0] < pairs->face_count);
+    dr_pairs_between(pairs, part);
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.003, NULL), DRAPE_OK);
+    for (size_t i = 0; i < pairs->face_count; i++)
+        found[0] += part[pairs->faces[i].node[0]] != part[pairs->faces[i].node[1]];
+    for (size_t i = 0; i < pairs->edge_count; i++)
+        found[1] += part[pairs->edges[i].node[0]] != part[pairs->edges[i].node[2]];
+    assert_int_equal(pairs->face_count, wanted[0]);
+    assert_int_equal(pairs->edge_count, wanted[1]);
+    assert_int_equal(found[0], wanted[0]);
+    assert_int_equal(found[1], wanted[1]);
+    dr_pairs_free(pairs);
+    dr_mesh_free(mesh);
+    shape_free(&shape);
+}
+
 static void test_pairs__a_kilometre_away_is_as_here(void **state)
 {
     (void)state;
@@ -590,6 +623,7 @@ int main(void)
         cmocka_unit_test(test_pairs__edges_of_the_mesh_are_each_listed_once),
         cmocka_unit_test(test_pairs__crumpled_sheets_against_everything),
         cmocka_unit_test(test_pairs__a_stack_of_layers_against_everything),
+        cmocka_unit_test(test_pairs__between_parts_finds_only_those),
         cmocka_unit_test(test_pairs__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_pairs__triangles_collapsed_to_lines_and_points),
         cmocka_unit_test(test_pairs__a_heap_shrinks_the_radius_and_stays_small),

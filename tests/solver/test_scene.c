@@ -529,10 +529,52 @@ static void test_scene__a_vertex_of_no_triangle_is_carried_along(void **state)
     refused(&e, DRAPE_AT_SEAM, 1, NULL, "belongs to no triangle");
 }
 
+/* Two garments of two squares each, whose seams stand in turns. */
+static void test_scene__seams_of_several_garments_go_in_the_order_of_these(void **state)
+{
+    (void)state;
+    struct example e = make();
+    double positions[48], pattern[32];
+    uint32_t triangle[24];
+    const uint32_t seam[] = {9, 12, 1, 4, 11, 14, 3, 6}, pin[] = {0, 8};
+    const uint32_t sorted[] = {1, 4, 3, 6, 9, 12, 11, 14};
+    for (int i = 0; i < 48; i++)
+        positions[i] = e.positions[i % 24] + (i >= 24 && i % 3 == 2 ? 0.5 : 0);
+    for (int i = 0; i < 32; i++)
+        pattern[i] = e.pattern[i % 16];
+    for (int i = 0; i < 24; i++)
+        triangle[i] = e.triangle[i % 12] + (i >= 12 ? 8 : 0);
+    bind(&e);
+    e.desc.vertices = 16;
+    e.desc.triangles = 8;
+    e.desc.seams = 4;
+    e.desc.positions = positions;
+    e.desc.pattern = pattern;
+    e.desc.triangle = triangle;
+    e.desc.seam = seam;
+    e.desc.pin = pin;
+    drape_scene *scene = NULL;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(scene->parts, 2);
+    assert_memory_equal(scene->seam, sorted, sizeof sorted);
+    for (uint32_t v = 0; v < 16; v++)
+        assert_int_equal(scene->piece_part[v], v / 8);
+    drape_scene_free(scene);
+    e.desc.vertices = 8;
+    e.desc.triangles = 4;
+    e.desc.seams = 2;
+    bind(&e);
+    e.desc.pins = 1;
+    assert_int_equal(drape_scene_new(&e.desc, &scene, NULL), DRAPE_OK);
+    assert_null(scene->piece_part); /* one garment has no need of it */
+    drape_scene_free(scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_scene__the_pattern_of_the_start_is_checked_and_compared),
+        cmocka_unit_test(test_scene__seams_of_several_garments_go_in_the_order_of_these),
         cmocka_unit_test(test_scene__welds_seams_in_the_order_of_the_vertices),
         cmocka_unit_test(test_scene__closed_seams_need_no_sewing),
         cmocka_unit_test(test_scene__a_pinned_node_sits_at_its_pin),

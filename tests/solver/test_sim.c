@@ -727,6 +727,59 @@ static void test_sim__every_allocation_may_fail(void **state)
 }
 #endif
 
+/* Three squares of 0.1 m hang side by side, 20 mm apart, and the lower edges of the outer two are to be sewn
+ * together: the middle one is in the way. */
+enum { LAYER = 6, LAYERS = 3 * LAYER * LAYER };
+
+static double gap_round_a_layer(drape_self_contact self_contact)
+{
+    double positions[3 * LAYERS], pattern[2 * LAYERS];
+    uint32_t triangle[3 * 2 * 3 * (LAYER - 1) * (LAYER - 1)], pin[3 * LAYER], seam[2 * LAYER];
+    const int place[3] = {-1, 1, 0};
+    size_t at = 0;
+    for (uint32_t v = 0; v < LAYERS; v++) {
+        uint32_t layer = v / (LAYER * LAYER), row = v / LAYER % LAYER, column = v % LAYER;
+        pattern[2 * v] = positions[3 * v] = 0.02 * column;
+        pattern[2 * v + 1] = positions[3 * v + 1] = -0.02 * row;
+        positions[3 * v + 2] = 0.02 * place[layer];
+        if (row + 1 == LAYER && layer < 2)
+            seam[2 * column + layer] = v;
+        if (row == 0)
+            pin[layer * LAYER + column] = v;
+        if (row + 1 < LAYER && column + 1 < LAYER) {
+            uint32_t cell[] = {v, v + LAYER, v + 1, v + 1, v + LAYER, v + LAYER + 1};
+            memcpy(triangle + at, cell, sizeof cell);
+            at += 6;
+        }
+    }
+    struct example e;
+    make(&e);
+    e.desc.positions = positions;
+    e.desc.pattern = pattern;
+    e.desc.vertices = LAYERS;
+    e.desc.triangle = triangle;
+    e.desc.triangles = at / 3;
+    e.desc.pin = pin;
+    e.desc.pins = 3 * LAYER;
+    e.desc.seam = seam;
+    e.desc.seams = LAYER;
+    e.desc.self_contact = self_contact;
+    e.options.max_iterations = 1;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    double gap = drape_sim_report(sim)->seam_gap;
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+    return gap;
+}
+
+static void test_sim__sewing_does_not_pull_a_garment_through_another(void **state)
+{
+    (void)state;
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_OFF) <= 1e-3);
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_ON) > 1.5e-3);
+}
+
 int main(void)
 {
     drape_blas_prepare();
@@ -746,6 +799,7 @@ int main(void)
         cmocka_unit_test(test_sim__the_verdict_says_where_a_body_is_intersected),
         cmocka_unit_test(test_sim__the_same_input_gives_the_same_bytes),
         cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),
+        cmocka_unit_test(test_sim__sewing_does_not_pull_a_garment_through_another),
         cmocka_unit_test(test_sim__cloth_lands_on_a_sphere_and_a_plane),
         cmocka_unit_test(test_sim__a_piece_that_misses_the_body_slides_off),
 #ifdef CAN_FAIL_ALLOCATIONS
