@@ -67,9 +67,14 @@ static int load(struct run *run, struct problem *reterr)
 static drape_status share_fields(struct run *run, drape_error *reterr)
 {
     drape_status status = DRAPE_OK;
-    for (size_t b = 0; run->task->fields && b < run->spec->scene.bodies && status >= 0; b++)
-        if (run->spec->body[b].kind == DRAPE_BODY_MESH)
-            status = fields_get(run->task->fields, run->spec->body + b, b, &run->spec->body[b].field, reterr);
+    for (size_t b = 0; run->task->fields && b < run->spec->scene.bodies && status >= 0; b++) {
+        drape_body last = run->spec->body[b];
+        if (last.kind != DRAPE_BODY_MESH)
+            continue;
+        if (last.keyframes)
+            last.positions = last.keyframe[last.keyframes - 1];
+        status = fields_get(run->task->fields, &last, b, &run->spec->body[b].field, reterr);
+    }
     return status;
 }
 

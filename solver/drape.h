@@ -136,8 +136,9 @@ typedef struct drape_body {
     const double *positions;  /* MESH: 3*vertices */
     const uint32_t *triangle; /* MESH: 3*triangles */
     size_t vertices, triangles;
-    /* MESH: what drape_field_new made of these very arrays, which are then not checked again; the scene takes
-     * a reference of its own. NULL: the scene builds it. */
+    /* MESH: what drape_field_new made of these very arrays (where it moves, with the last keyframe for its
+     * positions), which are then not checked again; the scene takes a reference of its own. NULL: the scene
+     * builds it. */
     drape_field *field;
     double point[3];               /* SPHERE centre; PLANE any point of it; CAPSULE one end of the axis */
     double axis[3];                /* PLANE outward normal, any length > 0; CAPSULE the other end */

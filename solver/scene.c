@@ -625,6 +625,7 @@ static drape_status new_moving_body(const drape_body *desc, drape_scene *scene, 
         return dr_out_of_memory(reterr);
     last.positions = desc->keyframe[desc->keyframes - 1];
     last.keyframes = first.keyframes = 0;
+    first.field = NULL; /* it is that of the last keyframe */
     drape_status status = dr_body_new(&last, (int64_t)b, &scene->body[b], reterr);
     if (status < 0 || !scene->pieces)
         return status;

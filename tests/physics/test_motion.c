@@ -85,6 +85,28 @@ static void test_motion__friction_takes_cloth_along_and_without_it_stays(void **
     }
 }
 
+/* A field that comes along is that of where the body goes, and changes nothing. */
+static void test_motion__a_shared_field_is_that_of_the_last_posture(void **state)
+{
+    (void)state;
+    struct mover mover;
+    slab(&mover, 0.5);
+    struct setup *setup = patch_on(&mover);
+    drape_options options = drape_options_default();
+    struct run own = run_new(&setup->desc, &options);
+    drape_body last = mover.body;
+    last.positions = mover.moved;
+    assert_int_equal(drape_field_new(&last, 0, &mover.body.field, NULL), DRAPE_OK);
+    struct run shared = run_new(&setup->desc, &options);
+    drape_field_unref(mover.body.field);
+    assert_int_equal(own.report->iterations, shared.report->iterations);
+    assert_memory_equal(own.x, shared.x, 3 * setup->grid.vertices * sizeof *own.x);
+    run_done(&own);
+    run_done(&shared);
+    setup_free(setup);
+    mover_done(&mover);
+}
+
 /* Too fast for friction: by Coulomb the cloth gets mu g t^2/2, forwards, and the slab is gone. A quarter more
  * is what 23 steps make of it. */
 static void test_motion__a_tablecloth_is_left_behind_by_a_table_that_is_pulled_away(void **state)
@@ -300,6 +322,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_motion__friction_takes_cloth_along_and_without_it_stays),
+        cmocka_unit_test(test_motion__a_shared_field_is_that_of_the_last_posture),
         cmocka_unit_test(test_motion__a_tablecloth_is_left_behind_by_a_table_that_is_pulled_away),
         cmocka_unit_test(test_motion__a_wall_sweeps_a_sheet_along_however_fast_it_is),
         cmocka_unit_test(test_motion__cloth_between_a_ball_that_moves_and_a_floor_that_stands_is_in_neither),
