@@ -90,6 +90,12 @@ static void test_stability__any_bodies(void **state)
     check_group(IN_BODIES);
 }
 
+static void test_stability__any_layers(void **state)
+{
+    (void)state;
+    check_group(IN_LAYERS);
+}
+
 static void test_stability__what_cannot_be_draped_is_refused_by_name(void **state)
 {
     (void)state;
@@ -106,6 +112,7 @@ int main(void)
         cmocka_unit_test(test_stability__any_gravity),
         cmocka_unit_test(test_stability__any_seams),
         cmocka_unit_test(test_stability__any_bodies),
+        cmocka_unit_test(test_stability__any_layers),
         cmocka_unit_test(test_stability__what_cannot_be_draped_is_refused_by_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

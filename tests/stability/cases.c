@@ -769,22 +769,59 @@ static drape_body *add_ground(struct scene *scene, double y)
     return body;
 }
 
-/* A closed box between low and high. */
-static drape_body *add_box(struct scene *scene, const double low[3], const double high[3])
+/* The scene's one mesh body, with room for `vertices` and `triangles` and none of them yet. */
+static drape_body *add_mesh(struct scene *scene, size_t vertices, size_t triangles)
+{
+    drape_body *body = add_body(scene, DRAPE_BODY_MESH);
+    scene->body_position = zeros(3 * vertices, sizeof *scene->body_position);
+    scene->body_triangle = zeros(3 * triangles, sizeof *scene->body_triangle);
+    body->positions = scene->body_position;
+    body->triangle = scene->body_triangle;
+    return body;
+}
+
+/* Appends a closed box between low and high to that mesh. */
+static void append_box(struct scene *scene, drape_body *body, const double low[3], const double high[3])
 {
     static const uint32_t triangle[36] = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
-    drape_body *body = add_body(scene, DRAPE_BODY_MESH);
-    scene->body_position = zeros(3 * 8, sizeof *scene->body_position);
-    scene->body_triangle = zeros(36, sizeof *scene->body_triangle);
-    memcpy(scene->body_triangle, triangle, sizeof triangle);
+    for (size_t i = 0; i < 36; i++)
+        scene->body_triangle[3 * body->triangles + i] = (uint32_t)body->vertices + triangle[i];
     for (size_t i = 0; i < 8; i++)
         for (size_t d = 0; d < 3; d++)
-            scene->body_position[3 * i + d] = (i >> d & 1 ? high : low)[d];
-    body->positions = scene->body_position;
-    body->triangle = scene->body_triangle;
-    body->vertices = 8;
-    body->triangles = 12;
+            scene->body_position[3 * (body->vertices + i) + d] = (i >> d & 1 ? high : low)[d];
+    body->vertices += 8;
+    body->triangles += 12;
+}
+
+static drape_body *add_box(struct scene *scene, const double low[3], const double high[3])
+{
+    drape_body *body = add_mesh(scene, 8, 12);
+    append_box(scene, body, low, high);
+    return body;
+}
+
+/* From a square of `width` round `foot` up to a point `height` above. */
+static drape_body *add_spike(struct scene *scene, const double foot[3], double width, double height)
+{
+    static const uint32_t triangle[18] = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4, 0, 2, 1, 0, 3, 2};
+    static const double corner[5][3] = {{-1, 0, 1}, {1, 0, 1}, {1, 0, -1}, {-1, 0, -1}, {0, 1, 0}};
+    drape_body *body = add_mesh(scene, 5, 6);
+    memcpy(scene->body_triangle, triangle, sizeof triangle);
+    for (size_t i = 0; i < 5; i++)
+        for (size_t d = 0; d < 3; d++)
+            scene->body_position[3 * i + d] = foot[d] + corner[i][d] * (d == 1 ? height : width / 2);
+    body->vertices = 5;
+    body->triangles = 6;
+    return body;
+}
+
+static drape_body *add_capsule(struct scene *scene, const double from[3], const double to[3], double radius)
+{
+    drape_body *body = add_body(scene, DRAPE_BODY_CAPSULE);
+    memcpy(body->point, from, sizeof body->point);
+    memcpy(body->axis, to, sizeof body->axis);
+    body->radius = radius;
     return body;
 }
 
@@ -848,10 +885,8 @@ static void make_beside_sphere(struct scene *scene, double value)
 static void make_capsule(struct scene *scene, double length)
 {
     free_plain(scene);
-    drape_body *body = add_body(scene, DRAPE_BODY_CAPSULE);
-    memcpy(body->point, (double[3]){SIDE / 2 - length / 2, -0.12, -SIDE / 2}, sizeof body->point);
-    memcpy(body->axis, (double[3]){SIDE / 2 + length / 2, -0.12, -SIDE / 2}, sizeof body->axis);
-    body->radius = 0.1;
+    add_capsule(scene, (double[3]){SIDE / 2 - length / 2, -0.12, -SIDE / 2},
+                (double[3]){SIDE / 2 + length / 2, -0.12, -SIDE / 2}, 0.1);
 }
 
 static void make_overlapping_spheres(struct scene *scene, double value)
@@ -887,6 +922,285 @@ static void make_seam_through_sphere(struct scene *scene, double gap)
 {
     make_open_seam(scene, gap);
     add_sphere(scene, SIDE, gap / 2, -SIDE / 2, gap / 4);
+}
+
+/* Two boxes in one mesh, one through the other, as the limbs of a scan are. */
+static void make_over_crossing_boxes(struct scene *scene, double value)
+{
+    (void)value;
+    free_plain(scene);
+    drape_body *body = add_mesh(scene, 16, 24);
+    append_box(scene, body, (double[3]){0.05, -0.2, -0.25}, (double[3]){0.35, -0.05, -0.15});
+    append_box(scene, body, (double[3]){0.15, -0.2, -0.35}, (double[3]){0.25, -0.03, -0.05});
+}
+
+/* The two boxes about the middle of the cloth. */
+static void make_inside_crossing_boxes(struct scene *scene, double value)
+{
+    make_over_crossing_boxes(scene, value);
+    shift(scene, 0, -0.1, 0);
+}
+
+static void make_over_needle(struct scene *scene, double width)
+{
+    free_plain(scene);
+    add_spike(scene, (double[3]){SIDE / 2 + 0.01, -0.32, -SIDE / 2 + 0.01}, width, 0.3);
+}
+
+static void make_over_wire(struct scene *scene, double radius)
+{
+    free_plain(scene);
+    add_capsule(scene, (double[3]){SIDE / 2 + 0.01, -0.32, -SIDE / 2 + 0.01},
+                (double[3]){SIDE / 2 + 0.01, -0.02, -SIDE / 2 + 0.01}, radius);
+}
+
+/* Falls with such gravity that it is `speed` fast when it arrives, 5 cm below. */
+static void fall_at(struct scene *scene, double speed)
+{
+    scene->desc.gravity[1] = -speed * speed / (2 * 0.05);
+    scene->options.time_step = 1e-3;
+}
+
+static void make_falling_on_sphere(struct scene *scene, double speed)
+{
+    free_plain(scene);
+    add_sphere(scene, SIDE / 2, -0.15, -SIDE / 2, 0.1);
+    fall_at(scene, speed);
+}
+
+/* On a plate thinner than what the cloth covers in one step. */
+static void make_falling_on_plate(struct scene *scene, double speed)
+{
+    free_plain(scene);
+    add_box(scene, (double[3]){0.1, -0.055, -0.3}, (double[3]){0.3, -0.05, -0.1});
+    fall_at(scene, speed);
+}
+
+static void make_falling_from(struct scene *scene, double height)
+{
+    make_free_over_sphere(scene, 0.1);
+    shift(scene, 0, height, 0);
+}
+
+static void make_rough_sphere(struct scene *scene, double friction)
+{
+    make_free_over_sphere(scene, 0.1);
+    scene->body[0].friction = friction;
+}
+
+/* The held side runs through the body, up to `radius` deep. */
+static void make_pins_in_sphere(struct scene *scene, double radius)
+{
+    plain(scene);
+    add_sphere(scene, 0, 0, -SIDE / 2, radius);
+}
+
+static void make_pins_in_box(struct scene *scene, double value)
+{
+    (void)value;
+    plain(scene);
+    add_box(scene, (double[3]){-0.1, -0.1, -0.5}, (double[3]){0.1, 0.1, 0.1});
+}
+
+/* ---- garments: tubes round a body --------------------------------------------------------------- */
+
+#define WAIST 0.1  /* m: radius of the body */
+#define CLEAR 4e-3 /* m from it to the tube */
+
+/* `copies` tubes sewn along one side, each CLEAR outside the last; their patterns are `ease` times as wide as
+ * where they start. */
+static void tubes(struct scene *scene, double ease, size_t copies)
+{
+    double width = 2 * PI * (WAIST + CLEAR);
+    panels(scene, GRID_ALTERNATING, 3 * CELLS, CELLS, width, SIDE / 2, copies);
+    size_t each = scene->desc.vertices / copies;
+    for (size_t i = 0; i < scene->desc.vertices; i++) {
+        double r = WAIST + CLEAR * (double)(1 + i / each), *uv = scene->uv + 2 * i;
+        size_t column = i % each % (scene->nx + 1) % scene->nx; /* the last lies on the first */
+        double angle = 2 * PI * (double)column / (double)scene->nx;
+        memcpy(vertex(scene, i), (double[3]){r * cos(angle), uv[1], -r * sin(angle)}, 3 * sizeof(double));
+        uv[0] *= ease * r / (WAIST + CLEAR);
+    }
+    for (size_t c = 0; c < copies; c++)
+        for (size_t j = 0; j <= scene->ny; j++)
+            sew(scene, c * each + at(scene, 0, j), c * each + at(scene, scene->nx, j));
+    add_capsule(scene, (double[3]){0, -SIDE / 2, 0}, (double[3]){0, SIDE / 2, 0}, WAIST)->friction = 0.3;
+    scene->options.fit = true;
+}
+
+/* Too wide or too narrow a garment. */
+static void make_garment(struct scene *scene, double ease)
+{
+    tubes(scene, ease, 1);
+}
+
+/* Held by two shoulders. */
+static void make_hung_garment(struct scene *scene, double ease)
+{
+    tubes(scene, ease, 1);
+    pin(scene, at(scene, 0, scene->ny));
+    pin(scene, at(scene, scene->nx / 2, scene->ny));
+}
+
+/* One side of the garment starts `depth` inside the body. */
+static void make_shoved_garment(struct scene *scene, double depth)
+{
+    tubes(scene, 1.1, 1);
+    shift(scene, depth, 0, 0);
+}
+
+static void make_two_garments(struct scene *scene, double ease)
+{
+    tubes(scene, ease, 2);
+}
+
+/* ---- layers ------------------------------------------------------------------------------------- */
+
+/* `copies` small sheets above one another at `gap` (m), the lowest as high above the ground. */
+static void stack(struct scene *scene, size_t copies, double gap)
+{
+    panels(scene, GRID_ALTERNATING, CELLS / 2, CELLS / 2, SIDE / 4, SIDE / 4, copies);
+    for (size_t i = 0; i < scene->desc.vertices; i++)
+        vertex(scene, i)[1] = gap * (double)(i * copies / scene->desc.vertices);
+    add_ground(scene, -DRAPE_DEFAULT_OFFSET);
+}
+
+static void make_stack(struct scene *scene, double copies)
+{
+    stack(scene, (size_t)copies, 1.25 * DRAPE_DEFAULT_THICKNESS);
+}
+
+/* Ten layers, squeezed or apart. */
+static void make_stack_at(struct scene *scene, double gap)
+{
+    stack(scene, 10, gap);
+}
+
+static void make_thick_stack(struct scene *scene, double thickness)
+{
+    stack(scene, 10, 1.25 * DRAPE_DEFAULT_THICKNESS);
+    scene->desc.thickness = thickness;
+}
+
+static void make_rough_stack(struct scene *scene, double friction)
+{
+    make_stack(scene, 10);
+    scene->material[0].friction = friction;
+}
+
+static void make_rough_pile(struct scene *scene, double friction)
+{
+    make_stack(scene, 50);
+    scene->material[0].friction = friction;
+}
+
+/* Five layers on a ground that leans by the tangent `slope`, friction 0.3 throughout. */
+static void make_leaning_stack(struct scene *scene, double slope)
+{
+    make_stack(scene, 5);
+    scene->material[0].friction = 0.3;
+    scene->desc.gravity[0] = 9.81 * sin(atan(slope));
+    scene->desc.gravity[1] = -9.81 * cos(atan(slope));
+}
+
+/* Another sheet arrives on the first, which is held all round. */
+static void make_falling_on_sheet(struct scene *scene, double speed)
+{
+    panels(scene, GRID_DELAUNAY, CELLS, CELLS, SIDE, SIDE, 2);
+    size_t half = scene->desc.vertices / 2;
+    for (size_t j = 0; j <= scene->ny; j++)
+        for (size_t i = 0; i <= scene->nx; i++)
+            if (i == 0 || j == 0 || i == scene->nx || j == scene->ny)
+                pin(scene, at(scene, i, j));
+    for (size_t i = half; i < 2 * half; i++) { /* smaller, and not node above node */
+        double *p = vertex(scene, i);
+        p[0] = 0.013 + 0.9 * p[0];
+        p[1] = 0.05;
+        p[2] = -0.017 + 0.9 * p[2];
+        scene->uv[2 * i] *= 0.9;
+        scene->uv[2 * i + 1] *= 0.9;
+    }
+    add_ground(scene, -0.4);
+    fall_at(scene, speed);
+}
+
+/* Two sheets, one through the middle of the other at that angle, over the ground. */
+static void make_crossing_sheets(struct scene *scene, double angle)
+{
+    panels(scene, GRID_DELAUNAY, CELLS, CELLS, SIDE, SIDE, 2);
+    for (size_t i = scene->desc.vertices / 2; i < scene->desc.vertices; i++) {
+        double *p = vertex(scene, i), r = p[0] - SIDE / 2 + 0.011;
+        p[0] = SIDE / 2 + r * cos(angle);
+        p[1] = r * sin(angle);
+    }
+    add_ground(scene, -0.25);
+}
+
+/* A strip laid in a loop, its end through its beginning. */
+static void make_looped_strip(struct scene *scene, double turns)
+{
+    panels(scene, GRID_ALTERNATING, 4 * CELLS, CELLS / 2, 4 * SIDE, SIDE / 2, 1);
+    double radius = 4 * SIDE / (2 * PI * turns);
+    for (size_t i = 0; i < scene->desc.vertices; i++) {
+        double *p = vertex(scene, i), angle = scene->uv[2 * i] / radius;
+        p[0] = radius * sin(angle) + 0.1 * p[0]; /* moves on by less than its turn comes back */
+        p[1] = -radius * cos(angle);
+    }
+    pin_left(scene);
+    add_ground(scene, -1.5);
+}
+
+static void make_tangle(struct scene *scene, double size)
+{
+    free_plain(scene);
+    fill_random(scene->x, 3 * scene->desc.vertices, size);
+    add_ground(scene, -1.1 * size);
+}
+
+/* With a ground far below, cloth is kept off itself. */
+static void make_touching_folded(struct scene *scene, double value)
+{
+    make_folded(scene, value);
+    add_ground(scene, -1);
+}
+
+static void make_touching_accordion(struct scene *scene, double value)
+{
+    make_accordion(scene, value);
+    add_ground(scene, -1);
+}
+
+static void make_touching_twisted(struct scene *scene, double turns)
+{
+    make_twisted(scene, turns);
+    add_ground(scene, -1);
+}
+
+static void make_touching_point(struct scene *scene, double size)
+{
+    make_scaled(scene, size);
+    add_ground(scene, -1);
+}
+
+/* Thicker than its edges are long. */
+static void make_thick(struct scene *scene, double thickness)
+{
+    make_free_over_sphere(scene, 0.1);
+    scene->desc.thickness = thickness;
+}
+
+static void make_thick_folded(struct scene *scene, double thickness)
+{
+    make_touching_folded(scene, 0);
+    scene->desc.thickness = thickness;
+}
+
+static void make_garments_crossed(struct scene *scene, double value)
+{
+    (void)value;
+    tubes(scene, 1.2, 2);
+    for (size_t i = scene->desc.vertices / 2; i < scene->desc.vertices; i++)
+        vertex(scene, i)[0] += 0.02; /* the outer one through the inner one and the body */
 }
 
 /* ---- refusals ----------------------------------------------------------------------------------- */
@@ -936,8 +1250,8 @@ static void make_no_material(struct scene *scene, double value)
 
 /* ---- the table ---------------------------------------------------------------------------------- */
 
-const char *const group_name[GROUPS] = {"material", "step",  "mesh",   "start",
-                                        "gravity",  "seams", "bodies", "refusals"};
+const char *const group_name[GROUPS] = {"material", "step",   "mesh",   "start",   "gravity",
+                                        "seams",    "bodies", "layers", "refusals"};
 
 #define MATERIAL(name, make, value)                                                                          \
     {                                                                                                        \
@@ -970,6 +1284,14 @@ const char *const group_name[GROUPS] = {"material", "step",  "mesh",   "start",
 #define BODIES(name, make, value)                                                                            \
     {                                                                                                        \
         IN_BODIES, name, make, value, MUST_RUN, 0, NULL, false                                               \
+    }
+#define LAYERS(name, make, value)                                                                            \
+    {                                                                                                        \
+        IN_LAYERS, name, make, value, MUST_RUN, 0, NULL, false                                               \
+    }
+#define TOUCHING(group, name, make, value)                                                                   \
+    {                                                                                                        \
+        group, name, make, value, MAY_CROSS, 0, NULL, false                                                  \
     }
 #define EXTREME(group, name, make, value)                                                                    \
     {                                                                                                        \
@@ -1033,7 +1355,7 @@ const struct stability_case stability_case[] = {
     MESH("one triangle, two pins", make_one_triangle, 2),
     MESH("one triangle, all pinned", make_one_triangle, 3),
     MESH("two separate pieces", make_two_pieces, 2),
-    MESH("128 separate triangles", make_loose_triangles, 0),
+    TOUCHING(IN_MESH, "128 separate triangles", make_loose_triangles, 0),
     MESH("duplicated vertices, sewn", make_sewn_soup, 0),
     MESH("vertices that no triangle uses", make_unused_vertices, 0),
     MESH("pattern mirrored", make_mirrored_pattern, 0),
@@ -1117,6 +1439,58 @@ const struct stability_case stability_case[] = {
     BODIES("random around a sphere", make_random_over_sphere, 0.3),
     BODIES("onto the ground 1 km away", make_far_over_ground, 1e3),
     BODIES("a seam around a sphere", make_seam_through_sphere, 0.2),
+    BODIES("onto crossing boxes", make_over_crossing_boxes, 0),
+    BODIES("crossing boxes inside the cloth", make_inside_crossing_boxes, 0),
+    BODIES("onto a needle of 2 mm", make_over_needle, 2e-3),
+    BODIES("onto a needle of 20 mm", make_over_needle, 0.02),
+    BODIES("onto a wire of 0.2 mm", make_over_wire, 1e-4),
+    BODIES("onto a ball of 0.2 mm", make_free_over_sphere, 1e-4),
+    BODIES("onto a sphere at 10 m/s", make_falling_on_sphere, 10),
+    BODIES("onto a plate at 10 m/s", make_falling_on_plate, 10),
+    BODIES("onto a sphere from 5 m", make_falling_from, 5),
+    BODIES("onto a sphere, friction 0.3", make_rough_sphere, 0.3),
+    BODIES("onto a sphere, friction 10", make_rough_sphere, DRAPE_MAX_FRICTION),
+    BODIES("pins inside a sphere", make_pins_in_sphere, 0.1),
+    BODIES("pins deep inside a sphere", make_pins_in_sphere, 1),
+    BODIES("pins inside a box", make_pins_in_box, 0),
+    BODIES("a garment that fits", make_garment, 1),
+    BODIES("a garment 1.4 times too wide", make_garment, 1.4),
+    BODIES("1.4 times too wide, hung", make_hung_garment, 1.4),
+    BODIES("a garment half too narrow", make_garment, 0.5),
+    BODIES("a garment 10 times too narrow", make_garment, 0.1),
+    BODIES("half too narrow, hung", make_hung_garment, 0.5),
+    BODIES("a garment shoved in by 3 cm", make_shoved_garment, 0.03),
+    BODIES("a garment shoved in by 15 cm", make_shoved_garment, 0.15),
+
+    LAYERS("2 layers", make_stack, 2),
+    LAYERS("50 layers", make_stack, 50),
+    LAYERS("50 layers, friction 0.3", make_rough_pile, 0.3),
+    LAYERS("10 layers, friction 0.3", make_rough_stack, 0.3),
+    LAYERS("10 layers, friction 10", make_rough_stack, DRAPE_MAX_FRICTION),
+    LAYERS("10 layers 0.1 mm apart", make_stack_at, 1e-4),
+    TOUCHING(IN_LAYERS, "10 layers in one place", make_stack_at, 0),
+    LAYERS("10 layers 10 mm apart", make_stack_at, 0.01),
+    LAYERS("10 layers, 50 mm thick", make_thick_stack, DRAPE_MAX_THICKNESS),
+    LAYERS("10 layers, 0.01 mm thick", make_thick_stack, DRAPE_MIN_THICKNESS),
+    LAYERS("5 layers on a slope that holds", make_leaning_stack, 0.2),
+    LAYERS("5 layers on a slope too steep", make_leaning_stack, 0.5),
+    LAYERS("onto a held sheet at 10 m/s", make_falling_on_sheet, 10),
+    LAYERS("two garments", make_two_garments, 1.1),
+    LAYERS("two garments, half too narrow", make_two_garments, 0.5),
+    LAYERS("sheets through each other, 90", make_crossing_sheets, PI / 2),
+    LAYERS("sheets through each other, 10", make_crossing_sheets, PI / 18),
+    LAYERS("a strip through itself", make_looped_strip, 1.5),
+    LAYERS("a strip wound up, through itself", make_looped_strip, 4),
+    LAYERS("tangled in 0.3 m", make_tangle, 0.3),
+    LAYERS("tangled in 1 cm", make_tangle, 0.01),
+    LAYERS("garments through each other", make_garments_crossed, 0),
+    TOUCHING(IN_LAYERS, "folded by half a turn, touching", make_touching_folded, 0),
+    TOUCHING(IN_LAYERS, "an accordion, touching", make_touching_accordion, 0),
+    LAYERS("twisted by 3 turns, touching", make_touching_twisted, 3),
+    TOUCHING(IN_LAYERS, "all in one point, touching", make_touching_point, 0),
+    LAYERS("compressed 100 times, touching", make_touching_point, 0.01),
+    LAYERS("edges as long as it is thick", make_thick, DRAPE_MAX_THICKNESS),
+    TOUCHING(IN_LAYERS, "folded, edges of its thickness", make_thick_folded, DRAPE_MAX_THICKNESS),
 
     /* last, as they take longest */
     LARGE("20 000 triangles", 100),

@@ -20,16 +20,28 @@ struct scene {
     drape_body body[SCENE_BODIES];
     double *body_position; /* of the one mesh body; NULL if none */
     uint32_t *body_triangle;
-    drape_options options; /* the case may set time_step; the rest is the method's */
+    drape_options options; /* the case may set time_step and fit; the rest is the method's */
 };
 
 enum expectation {
     MUST_RUN,
     MUST_REFUSE, /* with DRAPE_EINVAL, naming the place and the member */
+    MAY_CROSS,   /* run; parts that start in one and the same place may leave it on any side */
     MAY_REFUSE,  /* with DRAPE_EINVAL anywhere; else run as any other */
 };
 
-enum group { IN_MATERIAL, IN_STEP, IN_MESH, IN_START, IN_GRAVITY, IN_SEAMS, IN_BODIES, IN_REFUSALS, GROUPS };
+enum group {
+    IN_MATERIAL,
+    IN_STEP,
+    IN_MESH,
+    IN_START,
+    IN_GRAVITY,
+    IN_SEAMS,
+    IN_BODIES,
+    IN_LAYERS,
+    IN_REFUSALS,
+    GROUPS
+};
 
 struct stability_case {
     enum group group;

@@ -22,6 +22,7 @@
 #define REPORT_ERROR   1e-6  /* relative: energies reported against those measured from the positions */
 #define GRACE          5.0   /* s, for what is not an iteration, on a busy machine */
 #define EXPLICIT_STEP  2e-4  /* s, unless the case is about the step: the plain cloth needs 1e-3 */
+#define SUNK           1e-3  /* m inside a body: then the verdict is `intersecting` */
 #define MAX_WORKERS    64
 
 const struct stability_method stability_method[] = {
@@ -249,6 +250,48 @@ static bool is_finite(const drape_sim *sim, const struct stability_method *metho
     return true;
 }
 
+/* The fit where it was asked for: strain and stress always, the gap where a body is near. */
+static bool fit_is_finite(const drape_sim *sim, bool asked, struct row *row)
+{
+    const drape_fit *fit = drape_sim_fit(sim);
+    if (!fit != !asked)
+        conclude(row, ROW_VIOLATION, asked ? "no fit" : "a fit that was not asked for");
+    for (size_t i = 0; fit && i < 3 * fit->triangles; i++)
+        if (!isfinite(fit->strain[i]) || !isfinite(fit->stress[i]))
+            conclude(row, ROW_VIOLATION, "not finite: strain or stress of triangle %zu", i / 3);
+    for (size_t i = 0; fit && i < fit->vertices; i++)
+        if (!isfinite(fit->pressure[i]) || isinf(fit->gap[i]))
+            conclude(row, ROW_VIOLATION, "not finite: pressure or gap of vertex %zu", i);
+    return row->verdict != ROW_VIOLATION;
+}
+
+/* Crossings of the cloth with itself: `intersecting` names the place, and steps make none, so that a start
+ * without any ends without any. Not where seams were sewn before the first row, nor where pins hold the cloth
+ * deep in a body, which presses layers together with a thousand times what their penalty can carry. */
+static void judge_crossings(const struct stability_case *which, const struct scene *scene,
+                            const drape_scene *made, const drape_report *report, struct row *row)
+{
+    const double *at = report->intersection;
+    bool counted = report->self_intersections != DRAPE_NOT_COUNTED,
+         found = counted && report->self_intersections,
+         placed = isfinite(at[0]) && isfinite(at[1]) && isfinite(at[2]);
+    drape_sim *start = NULL;
+    drape_options options = drape_options_default();
+    options.max_iterations = 0;
+    if ((found || report->deepest > SUNK) != (report->verdict == DRAPE_VERDICT_INTERSECTING))
+        conclude(row, ROW_VIOLATION, "%s with %u crossings, %.3g m deep", drape_verdict_name(report->verdict),
+                 report->self_intersections, report->deepest);
+    else if ((found || report->penetrations) && !placed)
+        conclude(row, ROW_VIOLATION, "an intersection without a place");
+    if (!found || scene->desc.seams || which->expectation == MAY_CROSS || report->deepest > SUNK)
+        return;
+    if (drape_sim_new(made, &options, &start, NULL) < 0 || drape_sim_run(start, NULL) < 0)
+        conclude(row, ROW_VIOLATION, "the start alone could not be evaluated");
+    else if (!drape_sim_report(start)->self_intersections)
+        conclude(row, ROW_VIOLATION, "%u crossings from a start without any", report->self_intersections);
+    drape_sim_free(start);
+}
+
 static double size_of(const drape_energies *e)
 {
     return fabs(e->stretch) + fabs(e->bend) + fabs(e->gravity) + fabs(e->contact);
@@ -264,8 +307,8 @@ static double overrun(const struct row_job *job, const drape_row *trace, size_t 
     return fmin(longest, job->time_limit) + GRACE;
 }
 
-static void judge(const struct row_job *job, const struct scene *scene, const drape_sim *sim,
-                  drape_status status, struct row *row)
+static void judge(const struct row_job *job, const struct scene *scene, const drape_scene *made,
+                  const drape_sim *sim, drape_status status, struct row *row)
 {
     static const enum verdict verdict[] = {[DRAPE_VERDICT_NOT_AT_REST] = ROW_NOT_AT_REST,
                                            [DRAPE_VERDICT_AT_REST] = ROW_AT_REST,
@@ -281,7 +324,8 @@ static void judge(const struct row_job *job, const struct scene *scene, const dr
     row->end = report->state.energy.potential;
     row->verdict = verdict[report->verdict];
     double noise = stretch_noise(&scene->desc, x);
-    if (!is_finite(sim, job->method, row) || !report_is_true(scene, x, &report->state.energy, noise, row))
+    if (!is_finite(sim, job->method, row) || !report_is_true(scene, x, &report->state.energy, noise, row) ||
+        !fit_is_finite(sim, scene->options.fit, row))
         return;
     noise += ROUND_OFF * (size_of(&trace[0].energy) + size_of(&report->state.energy));
     if (row->end - row->start > noise)
@@ -297,8 +341,10 @@ static void judge(const struct row_job *job, const struct scene *scene, const dr
         conclude(row, ROW_VIOLATION, "took %.1f s, the limit was %.1f s", row->seconds, job->time_limit);
     else if (!report->reason || !*report->reason)
         conclude(row, ROW_VIOLATION, "gives no reason");
-    else if (row->verdict == ROW_NOT_AT_REST)
-        conclude(row, ROW_NOT_AT_REST, "%s", report->reason);
+    else if (row->verdict != ROW_AT_REST)
+        conclude(row, row->verdict, "%s", report->reason);
+    if (row->verdict != ROW_VIOLATION)
+        judge_crossings(job->which, scene, made, report, row);
 }
 
 /* A status below zero: was it right to give no result? */
@@ -341,7 +387,7 @@ static drape_sim *run_once(const struct row_job *job, struct scene *scene, drape
     else if (job->which->expectation == MUST_REFUSE)
         conclude(row, ROW_VIOLATION, "should have been refused");
     else
-        judge(job, scene, sim, status, row);
+        judge(job, scene, *ret_scene, sim, status, row);
     if (status < 0)
         sim = drape_sim_free(sim);
     return sim;

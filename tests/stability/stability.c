@@ -1,5 +1,5 @@
 /* stability.c - the long form of the stability suite: every case under every method, as a table.
- * usage: stability [-j WORKERS] [-o FILE] [-c CASE-PART] [-m METHOD-PART] */
+ * usage: stability [-j WORKERS] [-o FILE] [-g GROUP] [-c CASE-PART] [-m METHOD-PART] */
 #include "rows.h"
 
 #include <stdlib.h>
@@ -32,13 +32,15 @@ static struct row_job make_job(const struct stability_case *which, const struct 
 }
 
 /* What must be refused is refused whatever the method: one row. */
-static size_t make_jobs(struct row_job *job, const char *case_part, const char *method_part)
+static size_t make_jobs(struct row_job *job, const char *group, const char *case_part,
+                        const char *method_part)
 {
     size_t jobs = 0;
     for (size_t c = 0; c < stability_cases; c++)
         for (size_t m = 0; m < stability_methods; m++) {
             const struct stability_case *which = stability_case + c;
-            if (strstr(which->name, case_part) && strstr(stability_method[m].name, method_part) &&
+            if (strstr(group_name[which->group], group) && strstr(which->name, case_part) &&
+                strstr(stability_method[m].name, method_part) &&
                 (which->expectation != MUST_REFUSE || m == 0)) {
                 job[jobs] = make_job(which, stability_method + m, jobs);
                 jobs++;
@@ -49,15 +51,18 @@ static size_t make_jobs(struct row_job *job, const char *case_part, const char *
 
 int main(int argc, char **argv)
 {
-    const char *case_part = "", *method_part = "", *path = NULL;
+    const char *group = "", *case_part = "", *method_part = "", *path = NULL;
     size_t workers = 1;
-    for (int option; (option = getopt(argc, argv, "j:o:c:m:")) != -1;)
+    for (int option; (option = getopt(argc, argv, "j:o:g:c:m:")) != -1;)
         switch (option) {
         case 'j':
             workers = strtoul(optarg, NULL, 10);
             break;
         case 'o':
             path = optarg;
+            break;
+        case 'g':
+            group = optarg;
             break;
         case 'c':
             case_part = optarg;
@@ -66,7 +71,8 @@ int main(int argc, char **argv)
             method_part = optarg;
             break;
         default:
-            fprintf(stderr, "usage: %s [-j WORKERS] [-o FILE] [-c CASE-PART] [-m METHOD-PART]\n", argv[0]);
+            fprintf(stderr, "usage: %s [-j WORKERS] [-o FILE] [-g GROUP] [-c CASE-PART] [-m METHOD-PART]\n",
+                    argv[0]);
             return 2;
         }
     FILE *file = path ? fopen(path, "w") : NULL;
@@ -78,7 +84,7 @@ int main(int argc, char **argv)
     struct row_job *job = calloc(stability_cases * stability_methods, sizeof *job);
     if (!job)
         return 2;
-    size_t jobs = make_jobs(job, case_part, method_part);
+    size_t jobs = make_jobs(job, group, case_part, method_part);
     rows_head(out);
     size_t violations = rows_run(job, jobs, workers, out);
     rows_summary(job, jobs, out);
