@@ -148,7 +148,7 @@ $(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 
 # One program for tests/counts/counts.sh, linked to the whole library and, for each scene, to the objects that
 # the scene needs and stubs in the place of all others. The same shared libraries in all: they shape the heap.
-LEAN_core  := error scene mesh stretch cloth plan sim relax
+LEAN_core  := error clock scene mesh stretch cloth plan sim relax
 LEAN_steps := $(LEAN_core) bend matrix implicit
 LEAN_auto  := $(LEAN_core) bend matrix mixed
 LEAN_rk4   := $(LEAN_core) bend explicit

@@ -338,7 +338,8 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
         reason = "a node ended deeper than 1 mm inside a body";
     }
     if (s->cloth->self) {
-        double at[3];
+        double at[3], *stage = s->sim->stage;
+        dr_self_seconds(s->cloth->self, stage + DR_STAGE_BROAD_PHASE, stage + DR_STAGE_NARROW_PHASE);
         report->self_intersections = (uint32_t)dr_self_crossings(s->cloth->self, s->x, at);
         if (report->self_intersections && verdict != DRAPE_VERDICT_INTERSECTING) {
             verdict = DRAPE_VERDICT_INTERSECTING;

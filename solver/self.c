@@ -5,12 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
 #include "contact.h"
 #include "error.h"
 #include "rub.h"
 #include "sweep.h"
 
 #define KEEP     0.2  /* of each distance, that a step leaves */
+#define SEARCH   1.5  /* margins beyond the thickness that a search looks: it serves for a while */
 #define PARALLEL 0.01 /* squared sine below which the energy of two edges fades */
 
 struct dr_self {
@@ -22,9 +24,13 @@ struct dr_self {
     double *thin;             /* nodes: half the least altitude of the triangles about it, m */
     double *searched;         /* 3*nodes: where the pairs were last searched for */
     double radius;            /* m, of that search; 0: none yet */
-    drape_status failed;      /* of the last search */
-    struct dr_rub *rub;       /* NULL: no friction */
-    uint32_t *link;           /* scratch of dr_self_links */
+    double *near;             /* pairs, as pair_at numbers them: how close they were then, m */
+    size_t near_room;
+    double moved;         /* m: the most that a node has moved since then */
+    double broad, narrow; /* s: spent on searching, and on the pairs */
+    drape_status failed;  /* of the last search */
+    struct dr_rub *rub;   /* NULL: no friction */
+    uint32_t *link;       /* scratch of dr_self_links */
     size_t link_room;
 };
 
@@ -106,6 +112,7 @@ struct dr_self *dr_self_free(struct dr_self *self)
         free(self->edge_area);
         free(self->thin);
         free(self->searched);
+        free(self->near);
         free(self->link);
         free(self);
     }
@@ -114,35 +121,91 @@ struct dr_self *dr_self_free(struct dr_self *self)
 
 size_t dr_self_bytes(const struct dr_self *self)
 {
-    return sizeof *self + dr_pairs_bytes(self->pairs) + (self->rub ? dr_rub_bytes(self->rub) : 0) +
+    return sizeof *self + self->near_room * sizeof *self->near + dr_pairs_bytes(self->pairs) +
+           (self->rub ? dr_rub_bytes(self->rub) : 0) +
            (5 * self->mesh->nodes + self->pairs->sides) * sizeof(double) +
            2 * self->link_room * sizeof *self->link;
 }
 
 /* ---- the search ------------------------------------------------------------------------------ */
 
+/* Number i of all pairs, vertices and faces first. */
+static const struct dr_pair *pair_at(const struct dr_self *self, size_t i, bool *ret_edges)
+{
+    const struct dr_pairs *pairs = self->pairs;
+    *ret_edges = i >= pairs->face_count;
+    return *ret_edges ? pairs->edges + (i - pairs->face_count) : pairs->faces + i;
+}
+
+static size_t pair_count(const struct dr_self *self)
+{
+    return self->pairs->face_count + self->pairs->edge_count;
+}
+
+static struct dr_closest closest(const struct dr_pair *pair, bool edges, const double *x)
+{
+    return edges ? dr_closest_edge_edge(x, pair->node) : dr_closest_vertex_face(x, pair->node);
+}
+
+/* Finds the pairs at x, and how close each is. */
+static drape_status find(struct dr_self *self, const double *x)
+{
+    drape_status status = dr_pairs_find(self->pairs, x, self->thickness + SEARCH * self->margin, NULL);
+    if (status < 0)
+        return status;
+    size_t count = pair_count(self);
+    if (count > self->near_room) {
+        double *near = realloc(self->near, 2 * count * sizeof *near);
+        if (!near)
+            return DRAPE_ENOMEM;
+        self->near = near;
+        self->near_room = 2 * count;
+    }
+    for (size_t i = 0; i < count; i++) {
+        bool edges;
+        const struct dr_pair *pair = pair_at(self, i, &edges);
+        self->near[i] = sqrt(closest(pair, edges, x).square);
+    }
+    return DRAPE_OK;
+}
+
 /* After it the pairs hold all that are closer than `range` at x, m. */
 static bool search(struct dr_self *self, const double *x, double range)
 {
     size_t nodes = self->mesh->nodes;
-    double farthest = 0; /* squared: that anything has moved since the last search */
+    double began = dr_clock(), farthest = 0; /* squared: that anything has moved since the last search */
     for (size_t i = 0; i < 3 * nodes && self->radius > 0; i += 3) {
         double a = x[i] - self->searched[i], b = x[i + 1] - self->searched[i + 1],
                c = x[i + 2] - self->searched[i + 2], square = a * a + b * b + c * c;
         if (!(square <= farthest))
             farthest = square; /* NaN stays */
     }
-    if (self->radius - 2 * sqrt(farthest) >= range)
-        return true;
-    self->radius = self->thickness + 1.5 * self->margin;
-    self->failed = dr_pairs_find(self->pairs, x, self->radius, NULL);
-    if (self->failed < 0) {
-        self->radius = 0;
-        return false;
+    self->moved = sqrt(farthest);
+    if (!(self->radius - 2 * self->moved >= range)) {
+        self->failed = find(self, x);
+        self->radius = self->failed < 0 ? 0 : self->pairs->radius; /* less where a heap has too many */
+        self->moved = 0;
+        memcpy(self->searched, x, 3 * nodes * sizeof *x);
     }
-    self->radius = self->pairs->radius; /* less where a heap has too many */
-    memcpy(self->searched, x, 3 * nodes * sizeof *x);
-    return true;
+    self->broad += dr_clock() - began;
+    return self->failed >= 0;
+}
+
+/* Where looking at the pairs begins and ends: it is the narrow phase but for the searches between. */
+static double begin(const struct dr_self *self)
+{
+    return dr_clock() - self->broad;
+}
+
+static void end(struct dr_self *self, double began)
+{
+    self->narrow += dr_clock() - self->broad - began;
+}
+
+void dr_self_seconds(const struct dr_self *self, double *ret_broad, double *ret_narrow)
+{
+    *ret_broad = self->broad;
+    *ret_narrow = self->narrow;
 }
 
 drape_status dr_self_error(const struct dr_self *self, drape_error *reterr)
@@ -169,14 +232,17 @@ static double offset_of(const struct dr_self *self, const uint32_t node[4])
     return least;
 }
 
-/* False when the pair is not closer than its thickness and `margin`, or has no direction. */
-static bool look_at(const struct dr_self *self, const struct dr_pair *pair, bool edges, const double *x,
-                    double margin, struct touch *ret)
+/* False when pair i is not closer than its thickness and `margin`, or has no direction. */
+static bool look_at(const struct dr_self *self, size_t i, const double *x, double margin, struct touch *ret)
 {
+    bool edges;
+    if (self->near[i] - 2 * self->moved >= self->thickness + margin) /* nor can it have come closer */
+        return false;
+    const struct dr_pair *pair = pair_at(self, i, &edges);
     memcpy(ret->node, pair->node, sizeof ret->node);
     ret->edges = edges;
     ret->offset = offset_of(self, pair->node);
-    ret->closest = edges ? dr_closest_edge_edge(x, pair->node) : dr_closest_vertex_face(x, pair->node);
+    ret->closest = closest(pair, edges, x);
     double reach = ret->offset + margin;
     if (!(ret->closest.square < reach * reach && ret->closest.square > 0))
         return false;
@@ -252,13 +318,12 @@ static void fade_gradient(const struct fade *fade, double dc[12])
         }
 }
 
-static double add_pair_energy(const struct dr_self *self, const struct dr_pair *pair, bool edges,
-                              const double *x, double *g)
+static double add_pair_energy(const struct dr_self *self, size_t i, const double *x, double *g)
 {
     struct touch touch;
     struct fade fade;
     double dc[12];
-    if (!look_at(self, pair, edges, x, 0, &touch))
+    if (!look_at(self, i, x, 0, &touch))
         return 0;
     struct dr_penalty psi = dr_penalty(touch.stiffness, touch.offset, touch.offset - touch.distance);
     bool fades = fade_of(&touch, x, &fade);
@@ -277,15 +342,15 @@ static double add_pair_energy(const struct dr_self *self, const struct dr_pair *
 
 double dr_self_energy(struct dr_self *self, const double *x, double *g)
 {
+    double began = begin(self), sum = 0;
     if (!search(self, x, self->thickness))
         return INFINITY;
-    const struct dr_pairs *pairs = self->pairs;
-    double sum = 0;
-    for (size_t i = 0; i < pairs->face_count; i++)
-        sum += add_pair_energy(self, pairs->faces + i, false, x, g);
-    for (size_t i = 0; i < pairs->edge_count; i++)
-        sum += add_pair_energy(self, pairs->edges + i, true, x, g);
-    return sum + (self->rub ? dr_rub_energy(self->rub, x, g) : 0);
+    for (size_t i = 0; i < pair_count(self); i++)
+        sum += add_pair_energy(self, i, x, g);
+    if (self->rub)
+        sum += dr_rub_energy(self->rub, x, g);
+    end(self, began);
+    return sum;
 }
 
 double dr_self_held(const struct dr_self *self, const double *x)
@@ -374,13 +439,13 @@ static void add_block(const uint32_t node[4], block12 H, struct dr_matrix *A)
     }
 }
 
-static void add_pair_hessian(const struct dr_self *self, const struct dr_pair *pair, bool edges,
-                             const double *x, double exact, struct dr_matrix *A)
+static void add_pair_hessian(const struct dr_self *self, size_t number, const double *x, double exact,
+                             struct dr_matrix *A)
 {
     struct touch touch;
     struct fade fade;
     block12 H;
-    if (!look_at(self, pair, edges, x, 0, &touch))
+    if (!look_at(self, number, x, 0, &touch))
         return;
     struct dr_penalty psi = dr_penalty(touch.stiffness, touch.offset, touch.offset - touch.distance);
     bool fades = fade_of(&touch, x, &fade);
@@ -399,30 +464,21 @@ static void add_pair_hessian(const struct dr_self *self, const struct dr_pair *p
 
 void dr_self_hessian(struct dr_self *self, const double *x, double exact, struct dr_matrix *A)
 {
-    const struct dr_pairs *pairs = self->pairs;
+    double began = begin(self);
     if (!search(self, x, self->thickness))
         return;
-    for (size_t i = 0; i < pairs->face_count; i++)
-        add_pair_hessian(self, pairs->faces + i, false, x, exact, A);
-    for (size_t i = 0; i < pairs->edge_count; i++)
-        add_pair_hessian(self, pairs->edges + i, true, x, exact, A);
+    for (size_t i = 0; i < pair_count(self); i++)
+        add_pair_hessian(self, i, x, exact, A);
     if (self->rub)
         dr_rub_hessian(self->rub, x, exact, A);
+    end(self, began);
 }
 
 /* ---- what others need of the pairs ----------------------------------------------------------- */
 
-/* Number i of all pairs, vertices and faces first. */
-static const struct dr_pair *pair_at(const struct dr_self *self, size_t i, bool *ret_edges)
+bool dr_self_holds(const struct dr_self *self)
 {
-    const struct dr_pairs *pairs = self->pairs;
-    *ret_edges = i >= pairs->face_count;
-    return *ret_edges ? pairs->edges + (i - pairs->face_count) : pairs->faces + i;
-}
-
-static size_t pair_count(const struct dr_self *self)
-{
-    return self->pairs->face_count + self->pairs->edge_count;
+    return self->rub;
 }
 
 static bool has_places(const struct dr_matrix *A, const uint32_t node[4])
@@ -434,11 +490,6 @@ static bool has_places(const struct dr_matrix *A, const uint32_t node[4])
     return true;
 }
 
-bool dr_self_holds(const struct dr_self *self)
-{
-    return self->rub;
-}
-
 bool dr_self_fits(struct dr_self *self, const double *x, const struct dr_matrix *A)
 {
     uint32_t node[4];
@@ -446,9 +497,7 @@ bool dr_self_fits(struct dr_self *self, const double *x, const struct dr_matrix 
         return true;
     for (size_t i = 0; i < pair_count(self); i++) {
         struct touch touch;
-        bool edges;
-        const struct dr_pair *pair = pair_at(self, i, &edges);
-        if (look_at(self, pair, edges, x, 0, &touch) && !has_places(A, touch.node))
+        if (look_at(self, i, x, 0, &touch) && !has_places(A, touch.node))
             return false;
     }
     for (size_t i = 0; self->rub && dr_rub_nodes(self->rub, i, node); i++)
@@ -484,9 +533,7 @@ drape_status dr_self_links(struct dr_self *self, const double *x, const uint32_t
     bool room = true;
     for (size_t i = 0; room && i < pair_count(self); i++) {
         struct touch touch;
-        bool edges;
-        const struct dr_pair *pair = pair_at(self, i, &edges);
-        if (look_at(self, pair, edges, x, self->margin / 4, &touch))
+        if (look_at(self, i, x, self->margin / 4, &touch))
             room = add_links(self, touch.node, &links);
     }
     for (size_t i = 0; room && self->rub && dr_rub_nodes(self->rub, i, node); i++)
@@ -499,6 +546,7 @@ drape_status dr_self_links(struct dr_self *self, const double *x, const uint32_t
 void dr_self_each(struct dr_self *self, const double *x,
                   void (*visit)(const struct dr_self_gap *gap, void *data), void *data)
 {
+    double began = begin(self);
     if (!search(self, x, self->thickness + self->margin))
         return;
     for (size_t i = 0; i < pair_count(self); i++) {
@@ -506,7 +554,7 @@ void dr_self_each(struct dr_self *self, const double *x,
         struct fade fade;
         bool edges;
         const struct dr_pair *pair = pair_at(self, i, &edges);
-        if (!look_at(self, pair, edges, x, self->margin, &touch))
+        if (!look_at(self, i, x, self->margin, &touch))
             continue;
         struct dr_self_gap gap = {.edges = edges,
                                   .a = pair->a,
@@ -520,6 +568,7 @@ void dr_self_each(struct dr_self *self, const double *x,
         memcpy(gap.n, touch.n, sizeof gap.n);
         visit(&gap, data);
     }
+    end(self, began);
 }
 
 struct update {
@@ -553,12 +602,17 @@ void dr_self_renew(struct dr_self *self, const double *x)
 
 double dr_self_allows(struct dr_self *self, const double *x, const double *w)
 {
-    return dr_sweep(self->pairs, x, w, KEEP);
+    double began = dr_clock(), allowed = dr_sweep(self->pairs, x, w, KEEP);
+    self->broad += dr_clock() - began;
+    return allowed;
 }
 
 size_t dr_self_clip(struct dr_self *self, const double *x, double *w)
 {
-    return dr_sweep_clip(self->pairs, x, w, KEEP);
+    double began = dr_clock();
+    size_t shortened = dr_sweep_clip(self->pairs, x, w, KEEP);
+    self->broad += dr_clock() - began;
+    return shortened;
 }
 
 size_t dr_self_crossings(struct dr_self *self, const double *x, double ret_at[3])

@@ -84,6 +84,9 @@ double dr_self_allows(struct dr_self *self, const double *x, const double *w);
  * Returns how many those are. */
 size_t dr_self_clip(struct dr_self *self, const double *x, double *w);
 
+/* What searching for pairs took so far, and what looking at them did, s. */
+void dr_self_seconds(const struct dr_self *self, double *ret_broad, double *ret_narrow);
+
 /* Edges of the cloth that pass through its triangles at x; *ret_at is where the first does. */
 size_t dr_self_crossings(struct dr_self *self, const double *x, double ret_at[3]);
 

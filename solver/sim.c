@@ -6,7 +6,6 @@
 #include <omp.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "error.h"
 
@@ -122,13 +121,6 @@ drape_sim *drape_sim_free(drape_sim *sim)
 
 /* ---- budgets ------------------------------------------------------------------------------------ */
 
-double dr_clock(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
 void drape_sim_cancel(drape_sim *sim)
 {
     atomic_store(&sim->cancelled, true);
@@ -184,6 +176,8 @@ static void report_stages(struct drape_sim *sim)
         [DR_STAGE_FOLLOW] = "motion",       [DR_STAGE_ASSEMBLE] = "assemble",
         [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve",
         [DR_STAGE_MOVE] = "move",           [DR_STAGE_CERTIFY] = "certify",
+        [DR_STAGE_BROAD_PHASE] = "broad-phase",
+        [DR_STAGE_NARROW_PHASE] = "narrow-phase",
     };
     _Static_assert(DR_STAGES <= DRAPE_MAX_STAGES, "the report has room for every stage");
     for (int i = 0; i < DR_STAGES; i++)

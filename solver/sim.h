@@ -4,6 +4,7 @@
 
 #include <stdatomic.h>
 
+#include "clock.h"
 #include "fit.h"
 
 /* Where the seconds go; dr_stage_name has their names. */
@@ -16,6 +17,8 @@ enum dr_stage {
     DR_STAGE_SOLVE,
     DR_STAGE_MOVE, /* line search: energies, forces, contact limits */
     DR_STAGE_CERTIFY,
+    DR_STAGE_BROAD_PHASE,  /* search for pairs of the cloth that may touch: in the stages above */
+    DR_STAGE_NARROW_PHASE, /* their closest points, energies and Hessians: likewise */
     DR_STAGES
 };
 
@@ -34,8 +37,6 @@ struct drape_sim {
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
     drape_report report;
 };
-
-double dr_clock(void); /* s, monotonic */
 
 /* By an integrator: the method is stop-and-go or dynamic. */
 bool dr_steps_in_time(const drape_options *options);
