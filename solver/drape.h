@@ -448,7 +448,8 @@ typedef enum drape_verdict {
     DRAPE_VERDICT_NOT_AT_REST = 0,
     DRAPE_VERDICT_AT_REST,
     DRAPE_VERDICT_SLID_OFF,    /* a piece that nothing holds fell below every body */
-    DRAPE_VERDICT_INTERSECTING /* a node ended deeper than 1 mm inside a body */
+    DRAPE_VERDICT_INTERSECTING /* a node ended deeper than 1 mm inside a body, or the cloth passes through
+                                * itself (told only where self-contact is kept) */
 } drape_verdict;
 
 const char *drape_verdict_name(drape_verdict verdict); /* "at-rest": the name the HTTP contract uses */
