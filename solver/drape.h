@@ -198,7 +198,7 @@ typedef struct drape_tack {
     uint32_t body;
     uint32_t triangle;     /* of a MESH, whose points `barycentric` tells; DRAPE_NO_TRIANGLE: `point` */
     double barycentric[2]; /* weights of the triangle's first two corners, >= 0 and at most 1 together */
-    double point[3];       /* m; read without a triangle */
+    double point[3];       /* m; read without a triangle, which a body that moves must have */
 } drape_tack;
 
 #define DRAPE_NO_TRIANGLE UINT32_MAX

@@ -87,6 +87,9 @@ static drape_status check_hold(const drape_scene_desc *desc, const drape_tack *t
             if (!(fabs(tack->point[d]) <= DRAPE_MAX_COORDINATE))
                 return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_TACK, i, -1, "point",
                                   "the point is not finite and within %g m", DRAPE_MAX_COORDINATE);
+        if (body->keyframes)
+            return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_TACK, i, -1, "point",
+                              "body %u moves: only a point of one of its triangles moves along", tack->body);
         return DRAPE_OK;
     }
     if (body->kind != DRAPE_BODY_MESH)
@@ -293,9 +296,13 @@ static drape_status compile_tacks(const drape_scene_desc *desc, drape_scene *sce
                                .triangle = from->triangle,
                                .barycentric = {from->barycentric[0], from->barycentric[1]},
                                .at = {from->point[0], from->point[1], from->point[2]}};
-        if (from->triangle != DRAPE_NO_TRIANGLE)
-            dr_tack_point(body->triangle + 3 * (size_t)from->triangle, body->positions, to->barycentric,
-                          to->at);
+        memcpy(to->first, to->at, sizeof to->first);
+        if (from->triangle == DRAPE_NO_TRIANGLE)
+            continue;
+        const uint32_t *triangle = body->triangle + 3 * (size_t)from->triangle;
+        const double *last = body->keyframes ? body->keyframe[body->keyframes - 1] : body->positions;
+        dr_tack_point(triangle, body->positions, to->barycentric, to->first);
+        dr_tack_point(triangle, last, to->barycentric, to->at);
     }
     return DRAPE_OK;
 }
@@ -315,8 +322,12 @@ drape_status dr_lines_compile(const drape_scene_desc *desc, drape_scene *scene, 
 
 void dr_lines_lift(drape_scene *scene)
 {
-    for (size_t i = 0; i < scene->tacks; i++)
-        dr_tack_lift(scene->body[scene->tack[i].body], scene->tack[i].at);
+    struct dr_body *const *first = scene->first_body ? scene->first_body : scene->body;
+    for (size_t i = 0; i < scene->tacks; i++) {
+        struct dr_tack *tack = scene->tack + i;
+        dr_tack_lift(scene->body[tack->body], tack->at);
+        dr_tack_lift(first[tack->body], tack->first);
+    }
 }
 
 /* ---- bending ------------------------------------------------------------------------------------- */

@@ -110,6 +110,23 @@ static void offer_standing(struct mover *m, const struct dr_body *body)
     }
 }
 
+/* Tacks go along with the triangles they are named by. */
+static void carry_tacks(struct mover *m)
+{
+    const drape_scene *scene = m->sim->scene;
+    for (size_t i = 0; i < scene->tacks; i++) {
+        const struct dr_tack *tack = scene->tack + i;
+        const struct dr_path *path = scene->path[tack->body];
+        double at[3];
+        if (!path)
+            continue;
+        dr_tack_point(path->triangle + 3 * (size_t)tack->triangle, dr_body_positions(m->body[tack->body]),
+                      tack->barycentric, at);
+        dr_tack_lift(m->body[tack->body], at);
+        dr_tacks_move(m->cloth->tacks, i, at);
+    }
+}
+
 /* Moves the bodies to where they are at `time`, and the nodes and anchors with them. */
 static void carry(struct mover *m, double time)
 {
@@ -128,6 +145,8 @@ static void carry(struct mover *m, double time)
     for (size_t b = 0; b < scene->bodies; b++)
         if (!scene->path[b])
             offer_standing(m, m->body[b]);
+    if (m->cloth->tacks)
+        carry_tacks(m);
     if (m->cloth->friction)
         dr_friction_carry(m->cloth->friction, m->motor, centre);
     memcpy(m->smoothed, m->motor, mesh->nodes * sizeof *m->motor);

@@ -52,7 +52,7 @@ drape_status dr_tacks_new(const struct dr_tack *tack, size_t tacks, bool by_vert
     }
     for (size_t i = 0; i < tacks; i++) {
         made->node[i] = by_vertex ? tack[i].vertex : tack[i].node;
-        dr_tacks_move(made, i, tack[i].at);
+        dr_tacks_move(made, i, by_vertex ? tack[i].first : tack[i].at);
     }
     *ret = made;
     return DRAPE_OK;

@@ -13,7 +13,8 @@ struct dr_tack { /* of a compiled scene */
     uint32_t body;
     uint32_t triangle;     /* DRAPE_NO_TRIANGLE: a point that no motion carries */
     double barycentric[2]; /* weights of the triangle's first two corners */
-    double at[3];          /* m: where it starts, lifted */
+    double first[3];       /* m, lifted: where it holds while the cloth is sewn, */
+    double at[3];          /* and where when it is draped: elsewhere if the body has moved */
 };
 
 /* The point of a triangle of a mesh body, wherever its vertices (`positions`, packed xyz) are now. */
@@ -26,7 +27,8 @@ void dr_tack_lift(const struct dr_body *body, double point[3]);
 
 struct dr_tacks;
 
-/* By node, or with `by_vertex` for a mesh whose nodes are the vertices. `tack` is copied from. */
+/* By node, where they hold at the end; or with `by_vertex` for the pieces, whose nodes are the vertices,
+ * where they hold at first. `tack` is copied from. */
 drape_status dr_tacks_new(const struct dr_tack *tack, size_t tacks, bool by_vertex, struct dr_tacks **ret,
                           drape_error *reterr);
 struct dr_tacks *dr_tacks_free(struct dr_tacks *tacks); /* NULL is fine; returns NULL */

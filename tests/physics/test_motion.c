@@ -85,6 +85,46 @@ static void test_motion__friction_takes_cloth_along_and_without_it_stays(void **
     }
 }
 
+/* Without friction the tacks alone take it along. */
+static void test_motion__tacks_go_along_with_their_triangles(void **state)
+{
+    (void)state;
+    struct mover mover;
+    slab(&mover, 0);
+    struct setup *setup = patch_on(&mover);
+    drape_options options = drape_options_default();
+    uint32_t top = 0; /* a triangle of the slab's upper side */
+    for (size_t t = 0; t < mover.shape.triangles; t++) {
+        const uint32_t *v = mover.shape.triangle + 3 * t;
+        if (mover.shape.x[3 * v[0] + 1] == 0 && mover.shape.x[3 * v[1] + 1] == 0 &&
+            mover.shape.x[3 * v[2] + 1] == 0)
+            top = (uint32_t)t;
+    }
+    const uint32_t *v = mover.shape.triangle + 3 * top;
+    drape_tack tack = {.vertex = 0, .triangle = top, .barycentric = {0.3, 0.3}};
+    for (size_t d = 0; d < 3; d++) { /* where the patch's corner is to be tacked, it starts */
+        double at = 0.3 * mover.shape.x[3 * v[0] + d] + 0.3 * mover.shape.x[3 * v[1] + d] +
+                    0.4 * mover.shape.x[3 * v[2] + d];
+        double shift = d == 1 ? 0 : at - setup->x[d];
+        for (size_t i = 0; i < setup->grid.vertices; i++)
+            setup->x[3 * i + d] += shift;
+    }
+    setup->desc.tack = &tack;
+    setup->desc.tacks = 1;
+    struct run run = run_new(&setup->desc, &options);
+    print_message("  the tacked corner moved %.6f m, its slab %g m, %s\n", run.x[0] - setup->x[0], TRAVEL,
+                  run.report->reason);
+    assert_near(run.x[0] - setup->x[0], TRAVEL, 1e-4, 1);
+    run_done(&run);
+    tack.triangle = DRAPE_NO_TRIANGLE;
+    drape_error error;
+    assert_int_equal(drape_scene_check(&setup->desc, &error), DRAPE_EINVAL);
+    assert_int_equal(error.place, DRAPE_AT_TACK);
+    assert_string_equal(error.member, "point");
+    setup_free(setup);
+    mover_done(&mover);
+}
+
 /* A field that comes along is that of where the body goes, and changes nothing. */
 static void test_motion__a_shared_field_is_that_of_the_last_posture(void **state)
 {
@@ -322,6 +362,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_motion__friction_takes_cloth_along_and_without_it_stays),
+        cmocka_unit_test(test_motion__tacks_go_along_with_their_triangles),
         cmocka_unit_test(test_motion__a_shared_field_is_that_of_the_last_posture),
         cmocka_unit_test(test_motion__a_tablecloth_is_left_behind_by_a_table_that_is_pulled_away),
         cmocka_unit_test(test_motion__a_wall_sweeps_a_sheet_along_however_fast_it_is),

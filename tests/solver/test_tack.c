@@ -8,8 +8,8 @@ enum { NODES = 3 };
 
 static const struct dr_tack tacks[] = {
     {.vertex = 7, .node = 2, .at = {0.1, 0.2, 0.3}},
-    {.vertex = 1, .node = 0, .at = {-0.1, 0, 0.05}},
-    {.vertex = 0, .node = 2, .at = {0.11, 0.2, 0.3}}, /* two at one node */
+    {.vertex = 1, .node = 0, .first = {0.11, 0.2, 0.3}, .at = {-0.1, 0, 0.05}},
+    {.vertex = 0, .node = 2, .first = {-0.1, 0, 0.05}, .at = {0.11, 0.2, 0.3}}, /* two at one node */
 };
 
 static double energy(const void *term, const double *x, double *g)
@@ -39,8 +39,8 @@ static void test_tack__forces_and_hessian_are_the_differences(void **state)
 static void test_tack__holds_by_vertex_where_the_pieces_are_apart_and_moves(void **state)
 {
     (void)state;
-    double x[3 * NODES] = {0.11, 0.2, 0.3, -0.1, 0, 0.05};
-    const double further[3] = {-0.1, 0, 0.06};
+    double x[3 * NODES] = {-0.1, 0, 0.05, 0.11, 0.2, 0.3}; /* where they hold at first */
+    const double further[3] = {0.11, 0.2, 0.31};
     struct dr_tacks *made;
     assert_int_equal(dr_tacks_new(tacks + 1, 2, true, &made, NULL), DRAPE_OK);
     assert_true(dr_tacks_energy(made, x, NULL) == 0);
