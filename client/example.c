@@ -80,7 +80,7 @@ static void lay_flat(struct surface *cloth)
 
 static void use_paper_settings(struct scene *scene)
 {
-    scene->material = paper_cloth;
+    scene->material[0] = paper_cloth;
     scene->solver.method = "stop-and-go";
     scene->solver.stop_on = "potential";
     scene->solver.time_step = 0.02;
@@ -187,7 +187,7 @@ static int build_garment(size_t triangles, struct scene *scene, struct failure *
         return -1;
     }
     /* A light woven dress fabric; numbers in the middle of measured ranges. */
-    scene->material = (struct scene_material){
+    scene->material[0] = (struct scene_material){
         .density = 0.17,
         .weft = 300,
         .warp = 300,

@@ -13,6 +13,7 @@
 struct scene scene_default(void)
 {
     return (struct scene){
+        .materials = 1,
         .thickness = -1,
         .body_offset = -1,
         .body_friction = -1,
@@ -44,6 +45,7 @@ void scene_done(struct scene *scene)
         surface_done(&scene->keyframe[k]);
     }
     free(scene->keyframe);
+    free(scene->triangle_material);
     free(scene->seam);
     free(scene->pin);
     *scene = scene_default();
@@ -110,7 +112,7 @@ static void write_mesh(FILE *file, const struct surface *mesh)
 static int write_material(FILE *file, const struct scene_material *m)
 {
     int status = 0;
-    fprintf(file, "\"materials\": [{");
+    fprintf(file, "{");
     if (m->preset) {
         status = write_string(file, "preset", m->preset);
     } else {
@@ -121,7 +123,23 @@ static int write_material(FILE *file, const struct scene_material *m)
         fprintf(file, ", \"bend\": {\"weft\": " NUMBER ", \"warp\": " NUMBER ", \"twist\": " NUMBER "}",
                 m->bend_weft, m->bend_warp, m->bend_twist);
     }
-    fprintf(file, "}]");
+    fprintf(file, "}");
+    return status;
+}
+
+static int write_materials(FILE *file, const struct scene *scene)
+{
+    int status = 0;
+    fprintf(file, "\"materials\": [");
+    for (size_t m = 0; m < scene->materials; m++) {
+        fputs(m > 0 ? ", " : "", file);
+        status |= write_material(file, &scene->material[m]);
+    }
+    fputc(']', file);
+    if (scene->triangle_material) {
+        fprintf(file, ",\n");
+        write_indices(file, "triangle_material", scene->triangle_material, scene->cloth.triangles);
+    }
     return status;
 }
 
@@ -157,7 +175,7 @@ static int write_cloth(FILE *file, const struct scene *scene)
         write_edges(file, "folds", "angle", scene->fold, scene->folds);
     }
     fprintf(file, ",\n");
-    int status = write_material(file, &scene->material);
+    int status = write_materials(file, scene);
     if (scene->thickness >= 0) {
         fprintf(file, ", \"thickness\": " NUMBER, scene->thickness);
     }

@@ -22,6 +22,8 @@ struct scene_edges { /* an elastic or a fold */
     double stiffness; /* N; N m per rad and metre */
 };
 
+#define SCENE_MAX_MATERIALS 16
+
 /* Members left NULL or negative are not written: the server's own default holds. */
 struct scene_solver {
     const char *method, *stop_on; /* borrowed */
@@ -39,7 +41,9 @@ struct scene {
     size_t seams, pins;
     struct objfile_line *line; /* lines, to be measured */
     size_t lines;
-    struct scene_material material;
+    struct scene_material material[SCENE_MAX_MATERIALS];
+    size_t materials;
+    uint32_t *triangle_material; /* cloth.triangles, each less than materials; NULL: all of the first */
     struct scene_edges *elastic, *fold; /* elastics, folds */
     size_t elastics, folds;
     struct surface *body; /* bodies */
@@ -55,7 +59,7 @@ struct scene {
     struct scene_solver solver;
 };
 
-/* No arrays, no preset, every optional member left to the server. */
+/* No arrays, one material without a preset, every optional member left to the server. */
 struct scene scene_default(void);
 void scene_done(struct scene *scene);
 

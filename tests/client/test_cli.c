@@ -85,6 +85,10 @@ static void test_cli__wrong_arguments_exit_with_1_and_say_why(void **state)
         {"scene -m denim", "--garment is missing"},
         {"scene -g x.obj", "--material is missing"},
         {"scene -g /nowhere.obj -m denim", "/nowhere.obj"},
+        {"scene -g x.obj -s x.seams -m denim -g y.obj -s y.seams -s z.seams", "--seams is given twice"},
+        {"scene -s x.seams -g x.obj -s y.seams -m denim", "--seams is given twice"},
+        {"scene -g x.obj -m denim --scale 0", "--scale takes"},
+        {"scene -g x.obj -m denim --outwards 11", "--outwards takes"},
         {"scene -g x.obj -m denim -t -1", "--tolerance takes"},
         {"scene -g x.obj -m denim --elastic hem", "--elastic takes a file and two numbers"},
         {"scene -g x.obj -m denim --elastic :0.7:30", "--elastic takes a file and two numbers"},
@@ -178,13 +182,18 @@ static void test_cli__scene_turns_files_into_a_job(void **state)
     json_decref(job);
 }
 
-static void write_file(const char *folder, const char *name, const char *text, char *ret_path, size_t size)
+static void write_file(const char *path, const char *text)
 {
-    snprintf(ret_path, size, "%s/%s", folder, name);
-    FILE *file = fopen(ret_path, "w");
+    FILE *file = fopen(path, "w");
     assert_non_null(file);
     fputs(text, file);
     assert_int_equal(fclose(file), 0);
+}
+
+static void write_file_in(const char *folder, const char *name, const char *text, char *ret_path, size_t size)
+{
+    snprintf(ret_path, size, "%s/%s", folder, name);
+    write_file(ret_path, text);
 }
 
 static void test_cli__scene_takes_elastics_and_folds(void **state)
@@ -192,12 +201,12 @@ static void test_cli__scene_takes_elastics_and_folds(void **state)
     char folder[] = "/tmp/drape-test.XXXXXX", cloth[64], hem[64], crease[64], line[512];
     (void)state;
     assert_non_null(mkdtemp(folder));
-    write_file(folder, "cloth.obj",
-               "v 0 0 0\nv 1 0 0\nv 0 0 -1\nv 1 0 -1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
-               "f 1/1 2/2 4/4\nf 1/1 4/4 3/3\n",
-               cloth, sizeof cloth);
-    write_file(folder, "hem", "# by hand\n1 2\n2 4\n", hem, sizeof hem);
-    write_file(folder, "a:b", "1 4\n", crease, sizeof crease); /* a colon of its own */
+    write_file_in(folder, "cloth.obj",
+                  "v 0 0 0\nv 1 0 0\nv 0 0 -1\nv 1 0 -1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
+                  "f 1/1 2/2 4/4\nf 1/1 4/4 3/3\n",
+                  cloth, sizeof cloth);
+    write_file_in(folder, "hem", "# by hand\n1 2\n2 4\n", hem, sizeof hem);
+    write_file_in(folder, "a:b", "1 4\n", crease, sizeof crease); /* a colon of its own */
     snprintf(line, sizeof line,
              "scene -g %s -m denim --elastic %s:0.7:30 --fold %s:-90:1e-3 --elastic %s:1.5:2", cloth, hem,
              crease, hem);
@@ -219,6 +228,71 @@ static void test_cli__scene_takes_elastics_and_folds(void **state)
     remove(folder);
 }
 
+static double number_at(json_t *array, size_t i)
+{
+    return json_number_value(json_array_get(array, i));
+}
+
+static void test_cli__scene_puts_garments_into_one_mesh(void **state)
+{
+    (void)state;
+    char folder[] = "/tmp/drape-test-XXXXXX";
+    assert_non_null(mkdtemp(folder));
+    assert_int_equal(chdir(folder), 0);
+    write_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n");
+    write_file("b.obj", "v 0 0 2\nv 1 0 2\nv 0 1 2\nv 1 1 2\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
+                        "f 1/1 2/2 3/3\nf 3/3 2/2 4/4\n");
+    write_file("a.seams", "1 2\n");
+    write_file("b.seams", "1 2\n3 4\n");
+    write_file("b.lines", "hem 1 2 4\n");
+    write_file("b.edges", "2 4\n");
+    assert_int_equal(drape("scene -s a.seams -g a.obj -m silk -g b.obj -s b.seams -m denim --lines b.lines "
+                           "--fold b.edges:90:1 --elastic b.edges:0.5:3 --scale 2 --outwards 0.5 -g a.obj "
+                           "--elastic a.seams:0.8:4"),
+                     0);
+    json_t *job = json_loads(output, 0, NULL), *cloth = json_object_get(job, "cloth");
+    assert_non_null(job);
+    json_t *mesh = json_object_get(cloth, "mesh"), *positions = json_object_get(mesh, "positions");
+    const char *const arrays[] = {"[0, 1, 2, 3, 4, 5, 5, 4, 6, 7, 8, 9]",
+                                  "[0, 1, 3, 4, 5, 6]",
+                                  "[0, 1, 1, 1]",
+                                  "[{\"preset\": \"silk\"}, {\"preset\": \"denim\"}]",
+                                  "[3, 4, 6]",
+                                  "[{\"edges\": [4, 6], \"factor\": 0.5, \"stiffness\": 3},"
+                                  " {\"edges\": [7, 8], \"factor\": 0.8, \"stiffness\": 4}]",
+                                  "[{\"edges\": [4, 6], \"angle\": 90, \"stiffness\": 1}]"};
+    json_t *const got[] = {json_object_get(mesh, "triangles"),
+                           json_object_get(cloth, "seams"),
+                           json_object_get(cloth, "triangle_material"),
+                           json_object_get(cloth, "materials"),
+                           json_object_get(json_array_get(json_object_get(job, "lines"), 0), "vertices"),
+                           json_object_get(cloth, "elastics"),
+                           json_object_get(cloth, "folds")};
+    for (size_t i = 0; i < sizeof got / sizeof *got; i++) {
+        json_t *wanted = json_loads(arrays[i], 0, NULL);
+        assert_true(json_equal(got[i], wanted));
+        json_decref(wanted);
+    }
+    assert_int_equal(json_array_size(positions), 30);
+    assert_close(number_at(positions, 9), -0.5, 1e-15); /* scaled about its middle */
+    assert_close(number_at(positions, 11), 2.5, 1e-15); /* outwards is +z */
+    assert_close(number_at(json_object_get(mesh, "pattern"), 8), 2, 1e-15);
+    assert_close(number_at(positions, 24), 1, 1e-15); /* and the third is as the first */
+    assert_string_equal(json_string_value(json_object_get(job, "name")), "a.obj");
+    json_decref(job);
+    assert_int_equal(drape("scene -g a.obj -g b.obj -m denim"), 0); /* one fabric for all */
+    job = json_loads(output, 0, NULL);
+    assert_null(json_object_get(json_object_get(job, "cloth"), "triangle_material"));
+    assert_int_equal(json_array_size(json_object_get(json_object_get(job, "cloth"), "materials")), 1);
+    json_decref(job);
+    assert_int_equal(drape("scene -g a.obj -s b.seams -m denim"), EXIT_USAGE);
+    const char *const made[] = {"a.obj", "b.obj", "a.seams", "b.seams", "b.lines", "b.edges"};
+    for (size_t i = 0; i < sizeof made / sizeof *made; i++) {
+        unlink(made[i]);
+    }
+    assert_int_equal(rmdir(folder), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -228,6 +302,7 @@ int main(void)
         cmocka_unit_test(test_cli__example_prints_a_job),
         cmocka_unit_test(test_cli__scene_turns_files_into_a_job),
         cmocka_unit_test(test_cli__scene_takes_elastics_and_folds),
+        cmocka_unit_test(test_cli__scene_puts_garments_into_one_mesh), /* last: it changes the folder */
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

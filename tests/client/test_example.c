@@ -36,8 +36,8 @@ static void test_example__square_is_half_a_metre_held_by_one_edge(void **state)
     for (size_t i = 0; i < scene.pins; i++) {
         assert_close(scene.cloth.pattern[2 * scene.pin[i] + 1], 0, 0);
     }
-    assert_close(scene.material.density, 0.1, 0);
-    assert_close(scene.material.warp, 10, 0);
+    assert_close(scene.material[0].density, 0.1, 0);
+    assert_close(scene.material[0].warp, 10, 0);
     assert_close(scene.solver.time_step, 0.02, 0);
     scene_done(&scene);
 }

@@ -73,7 +73,7 @@ static void test_scene__writes_only_what_was_set_and_escapes_names(void **state)
     struct scene scene = scene_default();
     (void)state;
     scene.name = "say \"hello\"\n\xc3\xa9";
-    scene.material.preset = "denim";
+    scene.material[0].preset = "denim";
     assert_int_equal(surface_new(3, 1, true, &scene.cloth), 0);
     json_t *job = print_and_parse(&scene);
     assert_string_equal(json_string_value(at(job, "name")), scene.name);
