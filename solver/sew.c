@@ -131,13 +131,14 @@ static void restrain(const struct dr_cloth *cloth, const uint32_t *piece_part, u
         if (piece_part[i] > part)
             memset(w + 3 * i, 0, 3 * sizeof *w);
     limit_moves(cloth->mesh, w);
+    for (int round = 0; cloth->self && round < SLIDES; round++)
+        dr_self_each(cloth->self, x, slide, &(struct slide){w, piece_part, part});
+    if (cloth->self)
+        limit_moves(cloth->mesh, w);
     if (cloth->contact)
         dr_contact_clip(cloth->contact, x, w, CONTACT_DEPTH);
-    if (cloth->self) {
-        for (int round = 0; round < SLIDES; round++)
-            dr_self_each(cloth->self, x, slide, &(struct slide){w, piece_part, part});
+    if (cloth->self)
         dr_self_clip(cloth->self, x, w);
-    }
 }
 
 /* The step from the forces f, into w. *ret_stepped: false where no time was left. */
