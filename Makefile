@@ -220,7 +220,7 @@ bench-wrinkles: ## compare every method on the paper's wrinkle test, 19 250 tria
 	@tests/bench/wrinkles.sh
 
 .PHONY: bench-garments
-bench-garments: ## drape real garments on a real body (up to two hours): build/bench-garments.md, pictures
+bench-garments: ## drape real garments on a real body (hours): build/bench-garments.md, pictures
 	@tests/packages.sh build
 	@$(MAKE) --no-print-directory $(JOBS) all $(API_TOOLS)
 	@tests/bench/garments.sh

@@ -3,8 +3,11 @@
 # certificate: how each ends, where it crosses the body and itself by the exact test of tests/api/crossings.c,
 # what it costs by stage. Leaves job, report, drape, figures and picture (front, side, back) of each in
 # build/bench-garments/ and the tables in build/bench-garments.md.
-#   GARMENTS='shirt dress'   only those                     (shirt_coarse shirt skirt8 dress)
+#   GARMENTS='shirt dress'   only those rows: shirt_coarse shirt skirt8 dress; layers: shirt_coarse+shirt_coarse
+#                            shirt+shirt dress+skirt8; from a finished job: shirt@larger shirt@large_body; a body that
+#                            moves: shirt@posture skirt8@posture                    (all but shirt_coarse+shirt_coarse)
 #   METHODS='auto dynamic'   NAME or NAME:MEMBER=WORD,...   (auto stop-and-go:stop_on=kinetic dynamic)
+#   FABRIC=denim             a preset instead of the fabric of the targets
 #   TIME_LIMIT=60            seconds of a run               (600)
 #   ITERATIONS=100           iterations of a run            (400)
 . "$(dirname "$0")/lib.sh"
@@ -13,11 +16,14 @@ table=build/bench-garments.md
 shared=../shared/data
 avatar=$shared/bodies/body_f_A.obj
 tools=build/release/tests/api
-fabric=cotton-poplin
+bodies=$shared/bodies
+fabric=${FABRIC:-'the fabric of the targets (0.17 kg/m2, 400/400/100 N/m, bending 1e-5 N m)'}
 friction=0.3
 limit=${TIME_LIMIT:-600}
 most=${ITERATIONS:-400}
-read -ra garments <<<"${GARMENTS:-shirt_coarse shirt skirt8 dress}"
+rows='shirt_coarse shirt skirt8 dress shirt+shirt dress+skirt8'
+rows+=' shirt@larger shirt@large_body shirt@posture skirt8@posture'
+read -ra garments <<<"${GARMENTS:-$rows}"
 read -ra methods <<<"${METHODS:-auto stop-and-go:stop_on=kinetic dynamic}"
 
 [[ -r $avatar ]] || { say "$avatar is absent: there is nothing to drape" && exit 1; }
@@ -26,32 +32,96 @@ start_daemon
 
 # ---- one run ---------------------------------------------------------------------------------------
 
-# make_job GARMENT METHOD
+# The most iterations that `auto` may take.
+declare -A target=([shirt]=60 [skirt8]=120 [dress]=150)
+
+# What a layer needs to start outside of the one below, found by crossings of the starts.
+declare -A outer=(
+    [shirt+shirt]='--scale 1.1 --outwards 0.1'
+    [shirt_coarse+shirt_coarse]='--scale 1.1 --outwards 0.1'
+    [dress+skirt8]='--outwards 0.27'
+)
+
+knows() { build/drape scene --help | grep -q -e "--$1[= ]"; }
+
+# variant ROW: sets `avatar` (where the row's drape ends), `options` for drape scene, and `needs`, an option of it that
+# the row cannot do without.
+variant() {
+    avatar=$bodies/body_f_A.obj options=() needs=''
+    case $1 in
+    *@larger) options=(--scale 1.05) needs=from ;;
+    *@large_body) avatar=$bodies/body_f_large_A.obj needs=from ;;
+    *@posture)
+        avatar=$bodies/body_f_standing05.obj needs=motion
+        options=(--motion "$bodies/body_f_standing05_half.obj" --motion "$avatar")
+        ;;
+    esac
+}
+
+# scene ROW: the job of `drape scene`, without a method.
+scene() {
+    local worn=${1%%@*} body=$avatar part part_options=() from=()
+    for part in ${worn//+/ }; do
+        part_options+=(--garment "$shared/garments/$part.obj" --seams "$shared/garments/$part.seams")
+    done
+    # shellcheck disable=SC2206 # words
+    [[ $worn != *+* ]] || part_options+=(${outer[$worn]})
+    [[ $needs != motion ]] || body=$bodies/body_f_A.obj
+    [[ $needs != from ]] || from=(--from "$(first_drape "$worn")")
+    build/drape scene "${part_options[@]}" --body "$body" --material "${FABRIC:-cotton-poplin}" \
+        --friction "$friction" --self-contact on --time-limit "$limit" --max-iterations "$most" "${options[@]}" "${from[@]}"
+}
+
+# first_drape GARMENT: the id of its job by auto on the first body, made now if there is none.
+first_drape() {
+    local file=$out/$1-auto.json
+    [[ -s $work/$1.id ]] || {
+        (variant "$1" && make_job "$1" auto) >"$work/first.job"
+        build/drape run "$work/first.job" --quiet --json >"$file" || (($? == 4))
+        jq -r .id "$file" >"$work/$1.id"
+    }
+    cat "$work/$1.id"
+}
+
+# make_job ROW METHOD: with a method, a certificate and the fabric.
 make_job() {
-    build/drape scene --garment "$shared/garments/$1.obj" --seams "$shared/garments/$1.seams" \
-        --body "$avatar" --material "$fabric" --friction "$friction" --name "$1 by $2" \
-        --time-limit "$limit" --max-iterations "$most" |
-        jq -c --arg method "$2" '($method | split(":")) as [$name, $members]
-            | .solver += {certify: true, method: $name}
+    scene "$1" | jq -c --arg name "$1 by $2" --arg method "$2" --arg preset "${FABRIC:-}" \
+        '($method | split(":")) as [$method, $members] | .name = $name
+            | if $preset == "" then del(.cloth.triangle_material) | .cloth.materials = [{density: 0.17,
+                stretch: {weft: 400, warp: 400, shear: 100}, poisson: 0,
+                bend: {weft: 1e-5, warp: 1e-5, twist: 5e-6}}] else . end
+            | .solver += {certify: true, method: $method}
             + ($members // "" | split(",") | map(split("=") | {(.[0]): .[1]}) | add // {})'
 }
 
-# look_at NAME GARMENT: crossings, depth and seams of the drape $out/NAME.obj.
+# seams ROW: the seams of all its garments, numbered as in its mesh.
+seams() {
+    local part base=0 worn=${1%%@*}
+    for part in ${worn//+/ }; do
+        awk -v base="$base" '!/^#/ && NF {print $1 + base, $2 + base}' "$shared/garments/$part.seams"
+        base=$((base + $(grep -c '^v ' "$shared/garments/$part.obj")))
+    done
+}
+
+# look_at NAME ROW: crossings, depth and seams of the drape $out/NAME.obj.
 look_at() {
     "$tools/crossings" "$out/$1.obj" "$avatar" >"$work/crossings"
-    "$tools/measure" "$out/$1.obj" "$shared/garments/$2.seams" "$avatar" >"$work/measure"
+    "$tools/measure" "$out/$1.obj" <(seams "$2") "$avatar" >"$work/measure"
     jq -cs '.[0] + .[1]' "$work/crossings" "$work/measure"
 }
 
-# run_garment GARMENT METHOD: leaves GARMENT-METHOD.job, .json (the report), .obj, .glb, .png and .figures.
+# run_garment ROW METHOD: leaves ROW-METHOD.job, .json (the report), .obj, .glb, .png and .figures.
 run_garment() {
     local name=$1-${2//[:=,]/-} status=0 id
+    variant "$1"
+    [[ -z $needs ]] || knows "$needs" || { say "$1: drape scene has no --$needs yet" && return; }
     rm -f "$out/$name".*
     make_job "$1" "$2" >"$out/$name.job"
     say "$1 by $2"
     build/drape run "$out/$name.job" --quiet --json >"$out/$name.json" || status=$?
     ((status == 0 || status == 4 || status == 5)) || { say "$name: drape run ended with status $status" && exit 1; }
     id=$(jq -r .id "$out/$name.json")
+    [[ $2 != auto ]] || echo "$id" >"$work/$1.id"
     if build/drape result "$id" -o "$out/$name.glb" 2>"$work/said"; then
         build/drape result "$id" -o "$out/$name.obj"
         build/drape picture "$out/$name.job" "$out/$name.glb" -o "$out/$name.png"
@@ -60,9 +130,10 @@ run_garment() {
         say "$name: no drape: $(<"$work/said")"
         echo null >"$out/$name.figures"
     fi
-    jq -c --arg garment "$1" --arg method "$2" --arg triangles "$(grep -c '^f ' "$shared/garments/$1.obj")" \
+    jq -c --arg garment "$1" --arg method "$2" --arg target "${target[$1]:-}" \
         --slurpfile figures "$out/$name.figures" \
-        '{$garment, $method, $triangles, job: ., figures: $figures[0]}' "$out/$name.json" >>"$work/rows"
+        --slurpfile posted "$out/$name.job" '{$garment, $method, $target,
+            triangles: ($posted[0].cloth.mesh.triangles | length / 3), job: ., figures: $figures[0]}' "$out/$name.json" >>"$work/rows"
 }
 
 # ---- the tables ------------------------------------------------------------------------------------
@@ -82,11 +153,12 @@ def certified: .job.report.certificate.certified | if . == null then null elif .
 def counts: if . == null then null elif .touches > 0 then "\(.crossings) + \(.touches)" else .crossings end;'
 
 print_ends() {
-    jq -nr "$words"' ["garment", "triangles", "method", "verdict", "certified", "iterations", "residual force",
+    jq -nr "$words"' ["garment", "triangles", "method", "verdict", "certified", "iterations", "target", "residual force",
         "crossings with the body", "with itself", "vertices inside", "deepest, mm", "seam gap, m"]
         | row, (map("---") | row)'
     jq -r "$words"' [.garment, .triangles, "`\(.method)`\(ran)", .job.verdict // .job.status, certified,
-        .job.report.iterations, (.job.report.residual_force | power),
+        .job.report.iterations, (if .method == "auto" and .target != "" then .target else null end),
+        (.job.report.residual_force | power),
         (.figures | (.cloth_body | counts), (.cloth_cloth | counts), .inside, (.deepest | scaled(1e3; 2)),
             (.seam_gap | power))] | row' "$work/rows"
 }
@@ -115,10 +187,12 @@ done
     echo '# Garments on bodies'
     echo
     cat <<EOF
-Garments of \`shared/data\` in $fabric on \`$(basename "$avatar" .obj)\`, friction $friction, at most $most iterations
-and $limit s; $(nproc) processors. Crossings are edges through triangles, decided exactly by \`tests/api/crossings.c\`;
-"+ n": n more only touch. Vertices inside the body, their depth and the seams are measured by
-\`tests/api/measure.c\`. Neither shares code with the solver. "-": there is no such figure.
+Garments of \`shared/data\` in $fabric on \`body_f_A\`,
+self-contact on, friction $friction, at most $most iterations and $limit s; $(nproc) processors. Crossings are edges
+through triangles, decided exactly by \`tests/api/crossings.c\`; "+ n": n more only touch. Vertices inside the body, their
+depth and the seams are measured by \`tests/api/measure.c\`. Neither shares code with the solver. "-": there is no such
+figure. "a+b": b over a; "@larger", "@large_body": the pattern 1.05 times as large, or the larger body, from the finished
+drape; "@posture": the body moves to \`standing05\`. Target: the most iterations that \`auto\` may take.
 EOF
     echo
     print_ends
