@@ -42,17 +42,15 @@ declare -A outer=(
     [dress+skirt8]='--outwards 0.27'
 )
 
-knows() { build/drape scene --help | grep -q -e "--$1[= ]"; }
-
-# variant ROW: sets `avatar` (where the row's drape ends), `options` for drape scene, and `needs`, an option of it that
-# the row cannot do without.
+# variant ROW: sets `avatar` (where the row's drape ends, what its crossings are counted against), `options` for drape
+# scene, and `begins`: from (a finished drape), motion (a body that is then moved), or nothing (apart).
 variant() {
-    avatar=$bodies/body_f_A.obj options=() needs=''
+    avatar=$bodies/body_f_A.obj options=() begins=''
     case $1 in
-    *@larger) options=(--scale 1.05) needs=from ;;
-    *@large_body) avatar=$bodies/body_f_large_A.obj needs=from ;;
+    *@larger) options=(--scale 1.05) begins=from ;;
+    *@large_body) avatar=$bodies/body_f_large_A.obj begins=from ;;
     *@posture)
-        avatar=$bodies/body_f_standing05.obj needs=motion
+        avatar=$bodies/body_f_standing05.obj begins=motion
         options=(--motion "$bodies/body_f_standing05_half.obj" --motion "$avatar")
         ;;
     esac
@@ -66,8 +64,8 @@ scene() {
     done
     # shellcheck disable=SC2206 # words
     [[ $worn != *+* ]] || part_options+=(${outer[$worn]})
-    [[ $needs != motion ]] || body=$bodies/body_f_A.obj
-    [[ $needs != from ]] || from=(--from "$(first_drape "$worn")")
+    [[ $begins != motion ]] || body=$bodies/body_f_A.obj
+    [[ $begins != from ]] || from=(--from "$(first_drape "$worn")")
     build/drape scene "${part_options[@]}" --body "$body" --material "${FABRIC:-cotton-poplin}" \
         --friction "$friction" --self-contact on --time-limit "$limit" --max-iterations "$most" "${options[@]}" "${from[@]}"
 }
@@ -114,7 +112,6 @@ look_at() {
 run_garment() {
     local name=$1-${2//[:=,]/-} status=0 id
     variant "$1"
-    [[ -z $needs ]] || knows "$needs" || { say "$1: drape scene has no --$needs yet" && return; }
     rm -f "$out/$name".*
     make_job "$1" "$2" >"$out/$name.job"
     say "$1 by $2"
