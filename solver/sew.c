@@ -220,8 +220,9 @@ static size_t end_of_part(const drape_scene *scene, size_t first)
     return end;
 }
 
-/* Where layers are kept apart every spring is stiff from the beginning, so that seams which are closed stay
- * so and no other layer gets between; and none pulls harder than contact can hold. */
+/* What is sewn over another garment has springs that are stiff from the beginning, so that seams which are
+ * closed stay so and no other layer gets between; and none pulls harder than contact can hold. The innermost
+ * garment has nothing under it but the bodies, and is sewn as if it were alone. */
 static struct turn begin_turn(const struct dr_cloth *cloth, const drape_scene *scene, size_t first,
                               size_t end)
 {
@@ -230,7 +231,7 @@ static struct turn begin_turn(const struct dr_cloth *cloth, const drape_scene *s
     double area = 0;
     if (scene->piece_part)
         turn.part = scene->piece_part[scene->seam[2 * first]];
-    if (cloth->self) {
+    if (cloth->self && turn.part > 0) {
         for (size_t t = 0; t < cloth->mesh->triangles; t++)
             area += cloth->mesh->area[t];
         double edge = sqrt(4 / sqrt(3) * area / (double)cloth->mesh->triangles); /* m: of equal triangles */
