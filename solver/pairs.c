@@ -128,6 +128,12 @@ void dr_pairs_between(struct dr_pairs *pairs, const uint32_t *part)
     pairs->part = part;
 }
 
+void dr_pairs_weld(struct dr_pairs *pairs, const uint32_t *weld)
+{
+    pairs->part = NULL;
+    pairs->weld = weld;
+}
+
 size_t dr_pairs_bytes(const struct dr_pairs *pairs)
 {
     const struct dr_mesh *mesh = pairs->mesh;
@@ -179,7 +185,8 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     if (!(dr_dot(gap, gap) < search->square) || dr_pairs_shares_node(leaf->node, node))
         return true;
     struct dr_pair pair = {{node, leaf->node[0], leaf->node[1], leaf->node[2]}, node, leaf->triangle};
-    if (!(dr_closest_vertex_face(search->x, pair.node).square < search->square))
+    if (!(dr_closest_vertex_face(search->x, pair.node).square < search->square) ||
+        dr_pairs_are_welded(pairs, pair.node, false))
         return true;
     if (!may_add(pairs))
         return false;
@@ -213,7 +220,8 @@ static bool try_edges(struct search *search, uint32_t a, uint32_t b)
         !(edge_distance(search->x, p, q) < search->square))
         return true;
     struct dr_pair pair = {{p[0], p[1], q[0], q[1]}, a, b};
-    if (!(dr_closest_edge_edge(search->x, pair.node).square < search->square))
+    if (!(dr_closest_edge_edge(search->x, pair.node).square < search->square) ||
+        dr_pairs_are_welded(pairs, pair.node, true))
         return true;
     if (!may_add(pairs))
         return false;

@@ -25,6 +25,7 @@ struct dr_pair {
 struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     const struct dr_mesh *mesh;
     const uint32_t *part; /* nodes, borrowed: what is of one part is never a pair; NULL: there are no parts */
+    const uint32_t *weld; /* nodes, borrowed: nor is what shares one of these; NULL: nodes stay apart */
 
     size_t sides;            /* edges of the mesh */
     uint32_t *side;          /* 2*sides: the nodes of each, smaller first */
@@ -53,6 +54,10 @@ size_t dr_pairs_bytes(const struct dr_pairs *pairs);    /* what is held now */
 /* From here on only what is of different parts can be a pair (crossings are counted all the same). `part`
  * (nodes) must outlive the pairs; the corners of a triangle have the same. */
 void dr_pairs_between(struct dr_pairs *pairs, const uint32_t *part);
+
+/* From here on nodes with the same number in `weld` (nodes, must outlive the pairs) count as one, of which
+ * parts that have it are no pair, and parts play no role: all else is kept apart. */
+void dr_pairs_weld(struct dr_pairs *pairs, const uint32_t *weld);
 
 /* Lists all pairs closer than `radius` (m) at x (3*nodes). Where that passes
  * DR_PAIRS_PER_TRIANGLE or DR_PAIRS_MAX_MEETINGS, the radius is halved, at last to 0 (no pairs): memory and
@@ -85,6 +90,16 @@ static inline bool dr_pairs_one_part(const struct dr_pairs *pairs, const struct 
                                      const struct dr_leaf *q)
 {
     return pairs->part && pairs->part[p->node[0]] == pairs->part[q->node[0]];
+}
+
+/* Whether a node of one side of a pair will be one with a node of the other. Node: as in struct dr_pair. */
+static inline bool dr_pairs_are_welded(const struct dr_pairs *pairs, const uint32_t node[4], bool edges)
+{
+    for (int i = 0; pairs->weld && i < (edges ? 2 : 1); i++)
+        for (int j = edges ? 2 : 1; j < 4; j++)
+            if (pairs->weld[node[i]] == pairs->weld[node[j]])
+                return true;
+    return false;
 }
 
 static inline bool dr_pairs_shares_node(const uint32_t corner[3], uint32_t node)

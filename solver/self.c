@@ -97,6 +97,12 @@ void dr_self_between(struct dr_self *self, const uint32_t *part)
     dr_pairs_between(self->pairs, part);
 }
 
+void dr_self_weld(struct dr_self *self, const uint32_t *weld)
+{
+    dr_pairs_weld(self->pairs, weld);
+    self->radius = 0; /* the pairs found before are others */
+}
+
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr)
 {

@@ -29,6 +29,9 @@ drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr
 /* From here on only cloth of different parts is kept apart; see dr_pairs_between. */
 void dr_self_between(struct dr_self *self, const uint32_t *part);
 
+/* From here on all cloth is but for what nodes of the same number join; see dr_pairs_weld. */
+void dr_self_weld(struct dr_self *self, const uint32_t *weld);
+
 /* Gives it friction, once; for the coefficients see dr_rub_new. */
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr);

@@ -4,10 +4,11 @@
  * velocity, gravity or friction: (M/dt^2 + H) w = f. The measured record: welding at once leaves
  * sleeves passed through the bodice; soft pieces invert along the seam.
  *
- * The pieces of one garment may pass through one another on their way, but garments (parts of the welded
- * mesh) stay on the side of each other where they start. They are sewn one after the other, in the order of
- * their first vertices: two shirts closed at a time lock, each caught in the other's open seams. What has yet
- * to be sewn stays where it is. */
+ * The pieces of the first garment may pass through one another on their way, but garments (parts of the
+ * welded mesh) stay on the side of each other where they start. They are sewn one after the other, in the
+ * order of their first vertices: two shirts closed at a time lock, each caught in the other's open seams.
+ * What has yet to be sewn stays where it is. A garment that goes over another is kept off itself, too: held
+ * away from the body by what is under it, it folds over at the armpits and is caught so. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -252,6 +253,8 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
     for (size_t first = 0, end; first < scene->seams && status >= 0; first = end) {
         end = end_of_part(scene, first);
         struct turn turn = begin_turn(cloth, scene, first, end);
+        if (cloth->self && turn.part > 0)
+            dr_self_weld(cloth->self, scene->vertex_node);
         status = sew_turn(sim, cloth, &turn, most, f, w, reterr);
     }
     return status;

@@ -163,7 +163,8 @@ static bool edges_are_crossed(const struct dr_pairs *pairs, const double *x, uin
 /* a, b: as in struct dr_pair. */
 static void try_pair(struct sweep *sweep, const uint32_t node[4], bool edges, uint32_t a, uint32_t b)
 {
-    if (stays_apart(sweep->x, sweep->w, node, edges, sweep->keep, sweep->t))
+    if (stays_apart(sweep->x, sweep->w, node, edges, sweep->keep, sweep->t) ||
+        dr_pairs_are_welded(sweep->pairs, node, edges))
         return;
     struct pair pair = load(sweep->x, sweep->w, node, edges);
     double t = meeting(&pair, sweep->keep, sweep->t);

@@ -335,6 +335,51 @@ static void test_pairs__between_parts_finds_only_those(void **state)
     shape_free(&shape);
 }
 
+static bool would_share_a_node(const struct dr_pair *pair, size_t split, const uint32_t *weld)
+{
+    for (size_t i = 0; i < split; i++)
+        for (size_t j = split; j < 4; j++)
+            if (weld[pair->node[i]] == weld[pair->node[j]])
+                return true;
+    return false;
+}
+
+/* Layers 0 and 1 are to be sewn together along one side: they are pairs but for what meets at that seam. */
+static void test_pairs__welded_nodes_count_as_one(void **state)
+{
+    (void)state;
+    const size_t per = 9;
+    struct shape shape = sheets_stack(2, 3, 0.01, 0.002);
+    struct dr_mesh *mesh = sheets_mesh(shape.vertices, shape.triangles, shape.triangle);
+    struct dr_pairs *pairs = make(mesh);
+    static const uint32_t part[27] = {0};
+    uint32_t weld[27];
+    for (uint32_t v = 0; v < 27; v++)
+        weld[v] = v >= per && v < per + 3 ? v - (uint32_t)per : v;
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.003, NULL), DRAPE_OK);
+    size_t all[2] = {pairs->face_count, pairs->edge_count}, wanted[2] = {0};
+    for (size_t i = 0; i < all[0]; i++)
+        wanted[0] += !would_share_a_node(pairs->faces + i, 1, weld);
+    for (size_t i = 0; i < all[1]; i++)
+        wanted[1] += !would_share_a_node(pairs->edges + i, 2, weld);
+    assert_in_range(wanted[0], 1, all[0] - 1);
+    assert_in_range(wanted[1], 1, all[1] - 1);
+    dr_pairs_between(pairs, part);
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.003, NULL), DRAPE_OK);
+    assert_int_equal(pairs->face_count + pairs->edge_count, 0); /* one part */
+    dr_pairs_weld(pairs, weld);
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.003, NULL), DRAPE_OK);
+    assert_int_equal(pairs->face_count, wanted[0]);
+    assert_int_equal(pairs->edge_count, wanted[1]);
+    for (size_t i = 0; i < pairs->face_count; i++)
+        assert_false(would_share_a_node(pairs->faces + i, 1, weld));
+    for (size_t i = 0; i < pairs->edge_count; i++)
+        assert_false(would_share_a_node(pairs->edges + i, 2, weld));
+    dr_pairs_free(pairs);
+    dr_mesh_free(mesh);
+    shape_free(&shape);
+}
+
 static void test_pairs__a_kilometre_away_is_as_here(void **state)
 {
     (void)state;
@@ -624,6 +669,7 @@ int main(void)
         cmocka_unit_test(test_pairs__crumpled_sheets_against_everything),
         cmocka_unit_test(test_pairs__a_stack_of_layers_against_everything),
         cmocka_unit_test(test_pairs__between_parts_finds_only_those),
+        cmocka_unit_test(test_pairs__welded_nodes_count_as_one),
         cmocka_unit_test(test_pairs__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_pairs__triangles_collapsed_to_lines_and_points),
         cmocka_unit_test(test_pairs__a_heap_shrinks_the_radius_and_stays_small),

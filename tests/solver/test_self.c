@@ -218,6 +218,32 @@ static void test_self__energy_does_not_depend_on_where_it_was_searched(void **st
 
 /* ---- friction -------------------------------------------------------------------------------- */
 
+/* Between parts, then but for what is to be welded: what was found before does not stay. */
+static void test_self__welding_changes_what_feels_what(void **state)
+{
+    (void)state;
+    static struct scene s;
+    static const uint32_t part[NODES] = {0};
+    static uint32_t weld[NODES];
+    make(&s, 0.001, 0.3, 1e-5);
+    double all = dr_self_energy(s.self, s.x, NULL);
+    assert_true(all > 0);
+    for (uint32_t i = 0; i < NODES; i++)
+        weld[i] = i;
+    release(&s);
+    make(&s, 0.001, 0.3, 1e-5);
+    dr_self_between(s.self, part);
+    assert_true(dr_self_energy(s.self, s.x, NULL) == 0);
+    dr_self_weld(s.self, weld);
+    assert_true(dr_self_energy(s.self, s.x, NULL) == all);
+    for (uint32_t i = 0; i < NODES; i++)
+        weld[i] = i % SIDE ? i : i % LAYER; /* one column of each layer with the other's */
+    dr_self_weld(s.self, weld);
+    double some = dr_self_energy(s.self, s.x, NULL);
+    assert_true(some > 0 && some < all);
+    release(&s);
+}
+
 static void roughen(struct scene *s, double mu)
 {
     double own[NODES] = {0}, rest[NODES];
@@ -383,6 +409,7 @@ int main(void)
         cmocka_unit_test(test_self__energy_begins_at_the_thickness),
         cmocka_unit_test(test_self__flat_cloth_feels_nothing_at_any_thickness),
         cmocka_unit_test(test_self__energy_does_not_depend_on_where_it_was_searched),
+        cmocka_unit_test(test_self__welding_changes_what_feels_what),
         cmocka_unit_test(test_self__friction_is_a_potential),
         cmocka_unit_test(test_self__layers_that_slip_pull_with_coulombs_force),
         cmocka_unit_test(test_self__what_sticks_is_held_over_updates),

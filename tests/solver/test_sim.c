@@ -728,39 +728,64 @@ static void test_sim__every_allocation_may_fail(void **state)
 #endif
 
 /* Three squares of 0.1 m hang side by side, 20 mm apart, and the lower edges of the outer two are to be sewn
- * together: the middle one is in the way. */
-enum { LAYER = 6, LAYERS = 3 * LAYER * LAYER };
+ * together: the middle one is in the way. It is another garment; or hangs together with the others, all
+ * being the second garment (a triangle far away is the first), and is longer and held below, or they would
+ * get round it. */
+enum { LAYER = 6, LAYERS = 3 * LAYER * LAYER, FAR = 3 };
 
-static double gap_round_a_layer(drape_self_contact self_contact)
+static void stand_far_away(double *positions, double *pattern, uint32_t *triangle, uint32_t *pin)
 {
-    double positions[3 * LAYERS], pattern[2 * LAYERS];
-    uint32_t triangle[3 * 2 * 3 * (LAYER - 1) * (LAYER - 1)], pin[3 * LAYER], seam[2 * LAYER];
+    for (uint32_t v = 0; v < FAR; v++) {
+        pattern[2 * v] = 0.02 * (v == 1);
+        pattern[2 * v + 1] = 0.02 * (v == 2);
+        positions[3 * v] = 1 + pattern[2 * v];
+        positions[3 * v + 1] = pattern[2 * v + 1];
+        positions[3 * v + 2] = 0;
+        triangle[v] = v;
+    }
+    *pin = 0;
+}
+
+static double gap_round_a_layer(drape_self_contact self_contact, bool one_garment)
+{
+    double positions[3 * (FAR + LAYERS)], pattern[2 * (FAR + LAYERS)];
+    uint32_t triangle[3 * (2 + 2 * 3 * (LAYER - 1) * (LAYER - 1))], pin[1 + 4 * LAYER], seam[2 * LAYER];
     const int place[3] = {-1, 1, 0};
-    size_t at = 0;
-    for (uint32_t v = 0; v < LAYERS; v++) {
-        uint32_t layer = v / (LAYER * LAYER), row = v / LAYER % LAYER, column = v % LAYER;
-        pattern[2 * v] = positions[3 * v] = 0.02 * column;
-        pattern[2 * v + 1] = positions[3 * v + 1] = -0.02 * row;
+    uint32_t first = one_garment ? FAR : 0;
+    size_t at = first, pins = one_garment;
+    if (one_garment)
+        stand_far_away(positions, pattern, triangle, pin);
+    for (uint32_t i = 0; i < LAYERS; i++) {
+        uint32_t v = first + i, layer = i / (LAYER * LAYER), row = i / LAYER % LAYER, column = i % LAYER;
+        positions[3 * v] = 0.02 * column;
+        positions[3 * v + 1] = (one_garment && layer == 2 ? -0.03 : -0.02) * row;
         positions[3 * v + 2] = 0.02 * place[layer];
+        pattern[2 * v] = positions[3 * v];
+        pattern[2 * v + 1] = positions[3 * v + 1] + (layer == 2 ? 0.02 : 0);
         if (row + 1 == LAYER && layer < 2)
             seam[2 * column + layer] = v;
-        if (row == 0)
-            pin[layer * LAYER + column] = v;
+        if (row == 0 || (one_garment && layer == 2 && row + 1 == LAYER))
+            pin[pins++] = v;
         if (row + 1 < LAYER && column + 1 < LAYER) {
             uint32_t cell[] = {v, v + LAYER, v + 1, v + 1, v + LAYER, v + LAYER + 1};
             memcpy(triangle + at, cell, sizeof cell);
             at += 6;
         }
     }
+    if (one_garment) { /* a triangle from the first square's upper edge to the middle one's */
+        const uint32_t bridge[] = {first, first + 1, first + 2 * LAYER * LAYER};
+        memcpy(triangle + at, bridge, sizeof bridge);
+        at += 3;
+    }
     struct example e;
     make(&e);
     e.desc.positions = positions;
     e.desc.pattern = pattern;
-    e.desc.vertices = LAYERS;
+    e.desc.vertices = first + LAYERS;
     e.desc.triangle = triangle;
     e.desc.triangles = at / 3;
     e.desc.pin = pin;
-    e.desc.pins = 3 * LAYER;
+    e.desc.pins = pins;
     e.desc.seam = seam;
     e.desc.seams = LAYER;
     e.desc.self_contact = self_contact;
@@ -776,8 +801,15 @@ static double gap_round_a_layer(drape_self_contact self_contact)
 static void test_sim__sewing_does_not_pull_a_garment_through_another(void **state)
 {
     (void)state;
-    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_OFF) <= 1e-3);
-    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_ON) > 1.5e-3);
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_OFF, false) <= 1e-3);
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_ON, false) > 1.5e-3);
+}
+
+static void test_sim__sewing_does_not_pull_an_outer_garment_through_itself(void **state)
+{
+    (void)state;
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_OFF, true) <= 1e-3);
+    assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_ON, true) > 1.5e-3);
 }
 
 int main(void)
@@ -800,6 +832,7 @@ int main(void)
         cmocka_unit_test(test_sim__the_same_input_gives_the_same_bytes),
         cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),
         cmocka_unit_test(test_sim__sewing_does_not_pull_a_garment_through_another),
+        cmocka_unit_test(test_sim__sewing_does_not_pull_an_outer_garment_through_itself),
         cmocka_unit_test(test_sim__cloth_lands_on_a_sphere_and_a_plane),
         cmocka_unit_test(test_sim__a_piece_that_misses_the_body_slides_off),
 #ifdef CAN_FAIL_ALLOCATIONS

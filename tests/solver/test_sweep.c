@@ -271,6 +271,27 @@ static void test_sweep__touching_and_crossing_parts_do_not_hold_the_cloth(void *
     cloth_free(&cloth);
 }
 
+/* A tip comes down on a triangle: it stops unless it is to be one with a corner of that. */
+static void test_sweep__what_is_to_be_welded_may_meet(void **state)
+{
+    (void)state;
+    struct cloth cloth = cloth_new(two_triangles());
+    const double above[] = {0.3, 0.1, 0.3, 0.3, 1, 0.4, 0.3, 1, 0.2};
+    uint32_t weld[] = {0, 1, 2, 3, 4, 5};
+    memcpy(cloth.shape.x + 9, above, sizeof above);
+    for (int i = 3; i < 6; i++)
+        cloth.w[3 * i + 1] = -0.2;
+    dr_pairs_weld(cloth.pairs, weld);
+    double t = sweep(&cloth);
+    assert_true(t > 0.49 && t < 0.5);
+    weld[4] = 1; /* another corner: this tip and its two edges are held, but for what that corner has */
+    assert_true(sweep(&cloth) == t);
+    weld[3] = 0;
+    weld[4] = 4;
+    assert_true(sweep(&cloth) == 1);
+    cloth_free(&cloth);
+}
+
 static void test_sweep__any_numbers_end(void **state)
 {
     (void)state;
@@ -389,6 +410,7 @@ int main(void)
         cmocka_unit_test(test_sweep__close_sheets_slide_past_each_other),
         cmocka_unit_test(test_sweep__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_sweep__touching_and_crossing_parts_do_not_hold_the_cloth),
+        cmocka_unit_test(test_sweep__what_is_to_be_welded_may_meet),
         cmocka_unit_test(test_sweep__any_numbers_end),
         cmocka_unit_test(test_sweep__wild_moves_of_a_crowd_end),
         cmocka_unit_test(test_clip__shortens_only_what_would_meet),
