@@ -296,10 +296,12 @@ static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, d
     if (s->method->matrix == DR_MATRIX_CHOLESKY)
         return DRAPE_OK;
     plan.matrix = DR_MATRIX_CHOLESKY;
-    plan.friction = false;
+    plan.friction = plan.self = false;
     drape_status status = dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
-    if (status >= 0)
-        s->cloth->friction = (*ret_own)->friction; /* the anchors are the method's */
+    if (status >= 0) { /* the anchors are the method's */
+        s->cloth->friction = (*ret_own)->friction;
+        s->cloth->self = (*ret_own)->self;
+    }
     return status;
 }
 
@@ -308,6 +310,7 @@ static void take_back(struct dr_state *s, struct dr_cloth *own)
     size_t bytes[DR_TERMS] = {0}, sum = 3 * own->mesh->nodes * sizeof(double);
     if (s->cloth != own) {
         s->cloth->friction = NULL;
+        s->cloth->self = NULL;
         dr_cloth_bytes(s->cloth, bytes);
         dr_cloth_free(s->cloth);
     }

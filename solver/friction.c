@@ -60,8 +60,8 @@ drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_m
         dr_friction_free(friction);
         return dr_out_of_memory(reterr);
     }
-    dr_friction_coefficients(mesh, material, friction->own, friction->rest, friction->grip); /* free until the
-                                                                                 first update */
+    /* The grip is free until the first update. */
+    dr_friction_coefficients(mesh, material, friction->own, friction->rest, friction->grip);
     *ret = friction;
     return DRAPE_OK;
 }

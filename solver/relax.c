@@ -281,6 +281,8 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
     if (s->row.iteration && at_rest(s)) {
         if (above_start(s)) /* where Newton, say, found the cloth standing up */
             return "an equilibrium above the start is not a minimum";
+        if (s->cloth->self && dr_self_crowded(s->cloth->self))
+            return "more cloth lies in one place than self-contact keeps apart";
         *ret_verdict = DRAPE_VERDICT_AT_REST;
         return "the residual force is within the tolerance";
     }
@@ -349,7 +351,7 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     }
     report->verdict = verdict;
     report->reason = reason;
-    report->reference_rows = report->certificate.certified && !s->cloth->friction;
+    report->reference_rows = report->certificate.certified && !dr_cloth_has_anchors(s->cloth);
     for (size_t i = 0; report->reference_rows && i < s->sim->rows; i++) {
         drape_row *row = s->sim->row + i; /* E* is known now */
         row->residual_energy = row->energy.potential - s->row.energy.potential;

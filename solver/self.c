@@ -11,9 +11,10 @@
 #include "rub.h"
 #include "sweep.h"
 
-#define KEEP     0.2  /* of each distance, that a step leaves */
-#define SEARCH   1.5  /* margins beyond the thickness that a search looks: it serves for a while */
-#define PARALLEL 0.01 /* squared sine below which the energy of two edges fades */
+#define KEEP     0.2   /* of each distance, that a step leaves */
+#define MARGIN   0.004 /* m beyond the thickness, in which a step sees gaps */
+#define SEARCH   1.5   /* margins beyond the thickness that a search looks: it serves for a while */
+#define PARALLEL 0.01  /* squared sine below which the energy of two edges fades */
 
 struct dr_self {
     const struct dr_mesh *mesh;
@@ -63,7 +64,7 @@ static void measure(struct dr_self *self)
     double sum = 0;
     for (size_t v = 0; v < mesh->nodes; v++)
         sum += self->thin[v];
-    self->margin = fmin(DR_SELF_MARGIN, sum / (double)mesh->nodes);
+    self->margin = fmin(MARGIN, sum / (double)mesh->nodes);
 }
 
 drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr_self **ret,
@@ -481,6 +482,11 @@ void dr_self_hessian(struct dr_self *self, const double *x, double exact, struct
 }
 
 /* ---- what others need of the pairs ----------------------------------------------------------- */
+
+bool dr_self_crowded(const struct dr_self *self)
+{
+    return self->radius < self->thickness;
+}
 
 bool dr_self_holds(const struct dr_self *self)
 {

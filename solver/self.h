@@ -55,6 +55,10 @@ drape_status dr_self_error(const struct dr_self *self, drape_error *reterr);
 /* Whether A has a place for the Hessian at x. */
 bool dr_self_fits(struct dr_self *self, const double *x, const struct dr_matrix *A);
 
+/* Whether so much cloth lay in one place at the last search that pairs within the thickness may be missing
+ * (see dr_pairs_find): energies are then of those that are listed. */
+bool dr_self_crowded(const struct dr_self *self);
+
 /* The pairs of nodes (2*links, the self's own until the next call) that A needs for the Hessian at x and
  * about it. */
 drape_status dr_self_links(struct dr_self *self, const double *x, const uint32_t **ret, size_t *ret_links,
@@ -74,8 +78,8 @@ struct dr_self_gap {
     double offset, stiffness; /* m, m kappa A in N/m */
 };
 
-/* Calls `visit` for each pair whose distance at x is less than its thickness and DR_SELF_MARGIN together. */
-#define DR_SELF_MARGIN 0.004 /* m */
+/* Calls `visit` for each pair whose distance at x is less than its thickness and a margin together: 4 mm, or
+ * on a fine mesh half the mean altitude of its triangles. */
 void dr_self_each(struct dr_self *self, const double *x,
                   void (*visit)(const struct dr_self_gap *gap, void *data), void *data);
 

@@ -370,6 +370,41 @@ static void test_self__crossings_are_counted_where_they_are(void **state)
     release(&s);
 }
 
+/* A sheet of which all nodes lie within a hundredth of a millimetre has more pairs than are listed. */
+static void test_self__tells_when_cloth_is_crowded(void **state)
+{
+    (void)state;
+    enum { ROW = 14 };
+    static double pattern[2 * ROW * ROW], x[3 * ROW * ROW];
+    static uint32_t triangle[6 * (ROW - 1) * (ROW - 1)];
+    const double density = 0.2;
+    struct dr_mesh *mesh;
+    struct dr_self *self;
+    uint64_t seed = 6;
+    size_t count = 0;
+    for (uint32_t j = 0; j + 1 < ROW; j++)
+        for (uint32_t i = 0; i + 1 < ROW; i++) {
+            uint32_t a = j * ROW + i, cell[] = {a, a + 1, a + ROW, a + 1, a + ROW + 1, a + ROW};
+            memcpy(triangle + count, cell, sizeof cell);
+            count += 6;
+        }
+    for (size_t v = 0; v < ROW * ROW; v++) {
+        pattern[2 * v] = x[3 * v] = 0.01 * (double)(v % ROW);
+        pattern[2 * v + 1] = x[3 * v + 2] = 0.01 * (double)(v / ROW);
+    }
+    assert_int_equal(
+        dr_mesh_new(ROW * ROW, count / 3, triangle, triangle, pattern, NULL, &density, NULL, &mesh, NULL), 0);
+    assert_int_equal(dr_self_new(mesh, THICKNESS, &self, NULL), 0);
+    dr_self_energy(self, x, NULL);
+    assert_false(dr_self_crowded(self));
+    for (size_t i = 0; i < 3 * ROW * ROW; i++)
+        x[i] = 1e-5 * test_random(&seed);
+    dr_self_energy(self, x, NULL);
+    assert_true(dr_self_crowded(self));
+    dr_self_free(self);
+    dr_mesh_free(mesh);
+}
+
 static void test_self__every_allocation_may_fail(void **state)
 {
     (void)state;
@@ -416,6 +451,7 @@ int main(void)
         cmocka_unit_test(test_self__gaps_see_layers_come_together),
         cmocka_unit_test(test_self__a_step_stops_before_layers_pass),
         cmocka_unit_test(test_self__crossings_are_counted_where_they_are),
+        cmocka_unit_test(test_self__tells_when_cloth_is_crowded),
         cmocka_unit_test(test_self__every_allocation_may_fail),
     };
     return cmocka_run_group_tests_name("self", tests, NULL, NULL);
