@@ -102,8 +102,10 @@ static int parse_from(struct store *store, const struct limits *limits, const ch
     return failed ? problem_at(reterr, PROBLEM_INVALID, POINTER, "that job's document: %s", why.detail) : 0;
 }
 
-int start_load(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
-               struct problem *reterr)
+/* Without `carried` everything but carrying the cloth, which takes the worker's time and can only fail for
+ * want of memory. */
+static int load(struct store *store, const struct limits *limits, const char *id, bool carried,
+                struct job_spec *spec, struct problem *reterr)
 {
     struct job_spec *from = NULL;
     char *drape = NULL;
@@ -114,12 +116,18 @@ int start_load(struct store *store, const struct limits *limits, const char *id,
     if (!failed)
         failed = parse_from(store, limits, id, &from, reterr);
     if (!failed)
-        failed = take_pattern(spec, from, reterr) || carry(spec, from, reterr) ||
+        failed = take_pattern(spec, from, reterr) || (carried && carry(spec, from, reterr)) ||
                  set_pins(spec, from, (const double *)(const void *)drape, reterr) ||
                  schema_scene_check(spec, reterr);
     job_spec_free(from);
     free(drape);
     return failed ? -1 : 0;
+}
+
+int start_load(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
+               struct problem *reterr)
+{
+    return load(store, limits, id, true, spec, reterr);
 }
 
 /* ---- a job that is posted ----------------------------------------------------------------------- */
@@ -146,7 +154,7 @@ int start_keep(struct store *store, const struct limits *limits, const char *id,
     int found = store_start_keep(store, id, spec->start_from, OUTPUT_POSITIONS, reterr);
     if (found != 0)
         return refuse(found, spec->start_from, reterr);
-    int failed = start_load(store, limits, id, spec, reterr);
+    int failed = load(store, limits, id, false, spec, reterr);
     if (failed)
         store_start_drop(store, id);
     return failed;
