@@ -41,10 +41,11 @@ struct call {
     struct api *api;
     struct http_request *request;
     const struct route *route;
-    char id[SHA256_SIZE]; /* the {id} or {sha256} of the path; "" for routes without */
-    char job_id[ID_SIZE]; /* of the job that a waiting POST made */
-    call_fn *next;        /* what the executor is to run */
-    bool untimed;         /* a stream or a wait: says nothing about our speed */
+    char owner[KEY_NAME_SIZE]; /* whose jobs and meshes it sees: the name of its key; "" without keys */
+    char id[SHA256_SIZE];      /* the {id} or {sha256} of the path; "" for routes without */
+    char job_id[ID_SIZE];      /* of the job that a waiting POST made */
+    call_fn *next;             /* what the executor is to run */
+    bool untimed;              /* a stream or a wait: says nothing about our speed */
 };
 
 /* Goes on with `next` on the clerk's or the reader's thread. call_defer is for the HTTP thread and

@@ -44,16 +44,16 @@ static void refuse_unknown(struct call *call, int found, const struct problem *p
 
 /* The body of a job as it stands, wherever it is. On the clerk's or the reader's thread. 0, STORE_NONE,
  * STORE_GONE, or -1 with *reterr. */
-static int look_up(struct api *api, const char *id, char **ret_body, struct revision *ret_revision,
-                   bool *ret_ended, struct problem *reterr)
+static int look_up(struct api *api, const char *owner, const char *id, char **ret_body,
+                   struct revision *ret_revision, bool *ret_ended, struct problem *reterr)
 {
     struct job job;
-    int found = queue_body(api->queue, id, ret_body, ret_revision);
+    int found = queue_body(api->queue, owner, id, ret_body, ret_revision);
     if (found != QUEUE_NONE) {
         *ret_ended = false;
         return found == 0 ? 0 : problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     }
-    found = store_job_get(api->store, id, &job, reterr);
+    found = store_job_get(api->store, owner, id, &job, reterr);
     if (found != 0)
         return found;
     *ret_body = job_body(&job, 0);
@@ -115,7 +115,7 @@ static void answer_expired(struct call *call)
     char *body;
     bool ended;
     const char *id = call->job_id[0] != '\0' ? call->job_id : call->id;
-    int found = look_up(call->api, id, &body, &revision, &ended, &problem);
+    int found = look_up(call->api, call->owner, id, &body, &revision, &ended, &problem);
     if (found != 0)
         refuse_unknown(call, found, &problem);
     else
@@ -135,9 +135,10 @@ static void wait_for_job(struct call *call, const char *id, struct revision seen
     struct api *api = call->api;
     struct problem problem;
     struct revision revision;
-    char *body, copy[ID_SIZE];
+    char *body, copy[ID_SIZE], owner[KEY_NAME_SIZE];
     bool ended;
     snprintf(copy, sizeof copy, "%s", id);
+    memcpy(owner, call->owner, sizeof owner);
     call->untimed = true;
     if (waits_add(api->waits, call->request, copy, seen, clock_monotonic_ms() + 1000 * (int64_t)seconds) !=
         0) {
@@ -145,7 +146,7 @@ static void wait_for_job(struct call *call, const char *id, struct revision seen
         return;
     }
     /* It may have happened just before the wait began. */
-    if (look_up(api, copy, &body, &revision, &ended, &problem) == 0) {
+    if (look_up(api, owner, copy, &body, &revision, &ended, &problem) == 0) {
         waits_changed(api->waits, copy, revision, ended, body);
         free(body);
     }
@@ -170,7 +171,7 @@ static int fill_job(const struct job_spec *spec, struct job *ret)
 static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, struct problem *reterr)
 {
     struct api *api = call->api;
-    struct meshref meshref = {api->store, &api->config->limits};
+    struct meshref meshref = {api->store, call->owner, &api->config->limits};
     struct job_spec *spec = NULL;
     struct job job = {0};
     const void *text;
@@ -181,11 +182,12 @@ static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, 
     if (failed)
         return -1;
     failed = fill_job(spec, &job);
+    memcpy(job.owner, call->owner, sizeof job.owner);
     memcpy(ret_id, job.id, sizeof job.id);
     if (failed)
         problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     else if (spec->start_from[0] != '\0')
-        failed = start_keep(api->store, &api->config->limits, ret_id, spec, reterr);
+        failed = start_keep(&meshref, ret_id, spec, reterr);
     job_spec_free(spec);
     if (!failed)
         failed = queue_submit(api->queue, &job, text, bytes, ret_body, reterr);
@@ -223,7 +225,7 @@ static void get_stored(struct call *call)
     struct revision revision;
     char *body;
     bool ended;
-    int found = look_up(call->api, call->id, &body, &revision, &ended, &problem);
+    int found = look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
     if (found != 0)
         refuse_unknown(call, found, &problem);
     else
@@ -249,7 +251,7 @@ void job_get(struct call *call)
     struct revision revision;
     char *body;
     bool wait = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S) > 0;
-    int found = queue_body(call->api->queue, call->id, &body, &revision);
+    int found = queue_body(call->api->queue, call->owner, call->id, &body, &revision);
     if (found == QUEUE_NONE)
         call_defer(call, call->api->clerk, get_stored);
     else if (found < 0)
@@ -266,7 +268,7 @@ void job_delete(struct call *call)
 {
     struct problem problem;
     char *body;
-    int found = queue_cancel(call->api->queue, call->id, &body, &problem);
+    int found = queue_cancel(call->api->queue, call->owner, call->id, &body, &problem);
     if (found == 0) {
         log_event(LOG_LEVEL_INFO, "job.cancel", "job=%s request=%s", call->id,
                   http_request_id(call->request));
@@ -274,7 +276,7 @@ void job_delete(struct call *call)
         return;
     }
     if (found == QUEUE_NONE)
-        found = store_job_remove(call->api->store, call->id, clock_wall_ms(), &problem);
+        found = store_job_remove(call->api->store, call->owner, call->id, clock_wall_ms(), &problem);
     if (found == 0 || found == STORE_GONE)
         http_send(call->request, http_answer_empty(204));
     else
@@ -296,7 +298,7 @@ static int list_job(const struct job *job, void *data)
     struct revision revision;
     char *body = NULL;
     if (job_status_ended(job->status) ||
-        queue_body(listing->api->queue, job->id, &body, &revision) == QUEUE_NONE)
+        queue_body(listing->api->queue, job->owner, job->id, &body, &revision) == QUEUE_NONE)
         body = job_body(job, 0);
     if (body == NULL)
         return -1;
@@ -333,7 +335,8 @@ static int read_argument(const struct call *call, const char *name, char *buffer
 static int read_query(const struct call *call, struct list_query *ret, struct problem *reterr)
 {
     struct store_filter *filter = &ret->filter;
-    *filter = (struct store_filter){.status = -1, .before = INT64_MAX, .limit = LIST_DEFAULT};
+    *filter =
+        (struct store_filter){.owner = call->owner, .status = -1, .before = INT64_MAX, .limit = LIST_DEFAULT};
     if (read_argument(call, "status", ret->status, sizeof ret->status, reterr) != 0 ||
         read_argument(call, "label", ret->label, sizeof ret->label, reterr) != 0 ||
         read_argument(call, "cursor", ret->cursor, sizeof ret->cursor, reterr) != 0 ||
@@ -481,7 +484,7 @@ static void events_stored(struct call *call)
     struct feed *feed;
     char *body;
     bool ended;
-    int found = look_up(call->api, call->id, &body, &revision, &ended, &problem);
+    int found = look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
     if (found != 0) {
         refuse_unknown(call, found, &problem);
         return;
@@ -521,7 +524,7 @@ void job_events(struct call *call)
         http_send(call->request, NULL);
         return;
     }
-    int found = queue_follow(call->api->queue, call->id, last_event_id(call), wake_feed, feed,
+    int found = queue_follow(call->api->queue, call->owner, call->id, last_event_id(call), wake_feed, feed,
                              &feed->follower, &problem);
     if (found == 0) {
         http_send(call->request, answer);
@@ -576,7 +579,7 @@ static const struct representation *choose(const struct call *call, const struct
 static bool find_ended(struct call *call, struct job *ret)
 {
     struct problem problem;
-    int found = store_job_get(call->api->store, call->id, ret, &problem);
+    int found = store_job_get(call->api->store, call->owner, call->id, ret, &problem);
     if (found != 0) {
         refuse_unknown(call, found, &problem);
         return false;

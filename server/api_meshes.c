@@ -35,7 +35,7 @@ static int keep_mesh(struct call *call, const void *data, size_t bytes, struct s
     mesh->vertices = parsed.vertices;
     mesh->triangles = parsed.triangles;
     mesh_done(&parsed);
-    return store_mesh_add(call->api->store, mesh, data, clock_wall_ms(), reterr);
+    return store_mesh_add(call->api->store, call->owner, mesh, data, clock_wall_ms(), reterr);
 }
 
 /* `expected`: the digest in the path, or NULL. */
@@ -55,7 +55,7 @@ static void take_mesh(struct call *call, const char *expected)
         call_refuse(call, PROBLEM_DIGEST_MISMATCH, "The body's SHA-256 is %s.", digest);
         return;
     }
-    int found = store_mesh_get(call->api->store, digest, &mesh, &problem);
+    int found = store_mesh_get(call->api->store, call->owner, digest, &mesh, &problem);
     bool known = found == 0;
     if (found == STORE_NONE) {
         memcpy(mesh.sha256, digest, sizeof digest);
@@ -87,9 +87,7 @@ void mesh_get(struct call *call)
     struct store_mesh mesh;
     char etag[SHA256_SIZE + 2];
     int fd;
-    int found = store_mesh_get(call->api->store, call->id, &mesh, &problem);
-    if (found == 0)
-        found = store_mesh_open(call->api->store, call->id, &fd, &problem);
+    int found = store_mesh_open(call->api->store, call->owner, call->id, &mesh, &fd, &problem);
     if (found != 0) {
         if (found > 0)
             problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");

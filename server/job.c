@@ -27,6 +27,11 @@ int job_status_from_name(const char *name)
     return -1;
 }
 
+const char *job_priority_name(int priority)
+{
+    return priority < 0 ? "low" : priority > 0 ? "high" : "normal";
+}
+
 bool job_status_ended(enum job_status status)
 {
     return status >= JOB_SUCCEEDED;
@@ -149,7 +154,8 @@ static void write_members(FILE *out, const struct job *job, size_t position)
         fputs("null", out);
     write_json(out, "labels", job->labels, "{}");
     write_json(out, "warnings", job->warnings, "[]");
-    fprintf(out, ",\"status\":\"%s\"", status_name[job->status]);
+    fprintf(out, ",\"priority\":\"%s\",\"status\":\"%s\"", job_priority_name(job->priority),
+            status_name[job->status]);
     if (job->verdict[0] != '\0')
         fprintf(out, ",\"verdict\":\"%s\"", job->verdict);
     else

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "id.h"
+#include "keys.h"
 
 enum job_status { JOB_QUEUED = 0, JOB_RUNNING, JOB_SUCCEEDED, JOB_FAILED, JOB_CANCELED, JOB_STATUSES };
 
@@ -27,10 +28,16 @@ void revision_format(struct revision revision, char ret[REVISION_SIZE]);
 int revision_parse(const char *text, struct revision *ret); /* 0, or -1: not one of ours */
 int revision_compare(struct revision a, struct revision b); /* < 0, 0, > 0 */
 
+enum job_priority { JOB_PRIORITY_LOW = -1, JOB_PRIORITY_NORMAL, JOB_PRIORITY_HIGH };
+
+const char *job_priority_name(int priority); /* "normal"; any other number counts as the nearest */
+
 #define JOB_VERDICT_SIZE 16
 
 struct job { /* owns its texts; zero-initialise; job_done empties it */
     char id[ID_SIZE];
+    char owner[KEY_NAME_SIZE]; /* the key that posted it; "": none was needed */
+    int priority;              /* enum job_priority */
     enum job_status status;
     char verdict[JOB_VERDICT_SIZE]; /* "": none yet */
     struct revision revision;

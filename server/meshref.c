@@ -11,9 +11,7 @@ int meshref_load(const char *sha256, struct mesh *ret, struct problem *reterr, v
     const struct meshref *ref = data;
     struct store_mesh mesh;
     int fd;
-    int found = store_mesh_get(ref->store, sha256, &mesh, reterr);
-    if (found == 0)
-        found = store_mesh_open(ref->store, sha256, &fd, reterr);
+    int found = store_mesh_open(ref->store, ref->owner, sha256, &mesh, &fd, reterr);
     if (found > 0)
         return problem_set(reterr, PROBLEM_INVALID, "There is no mesh %s.", sha256);
     if (found < 0)

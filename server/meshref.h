@@ -8,6 +8,7 @@
 
 struct meshref { /* the `data` of meshref_load */
     struct store *store;
+    const char *owner; /* whose meshes */
     const struct limits *limits;
 };
 

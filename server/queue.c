@@ -54,12 +54,12 @@ static int compare_items(const void *a, const void *b)
 
 /* ---- items; all under the lock --------------------------------------------------------------------- */
 
-static struct item *find(struct queue *queue, const char *id)
+static struct item *find(struct queue *queue, const char *owner, const char *id)
 {
     struct item key = {0};
     memcpy(key.job.id, id, strnlen(id, ID_SIZE - 1));
     struct item **found = tfind(&key, &queue->tree, compare_items);
-    return found == NULL ? NULL : *found;
+    return found == NULL || strcmp((*found)->job.owner, owner) != 0 ? NULL : *found;
 }
 
 /* 1 for the next to run; 0: not in the line. */
@@ -189,7 +189,7 @@ static struct item *start_job(struct queue *queue, struct job *job)
     job->revision.counter++;
     int result = store_job_start(queue->setup.store, job, NULL);
     pthread_mutex_lock(&queue->lock);
-    struct item *item = result == STORE_NONE ? NULL : find(queue, job->id);
+    struct item *item = result == STORE_NONE ? NULL : find(queue, job->owner, job->id);
     if (result == 0 && item != NULL) {
         queue->queued--;
         queue->running++;
@@ -327,8 +327,11 @@ static void work_on(struct queue *queue, struct job *job)
         return;
     log_event(LOG_LEVEL_INFO, "job.started", "job=%s attempt=%u", job->id, job->revision.attempt);
     /* The item stays: nobody but its worker ends a running job. */
-    struct solve_task task = {queue->setup.store, queue->setup.limits, job->id, job->revision.attempt,
-                              &item->stop,        on_progress,         item,    queue->setup.fields};
+    struct solve_task task = {
+        queue->setup.store,    queue->setup.limits, job->owner,  job->id,
+        job->revision.attempt, &item->stop,         on_progress, item,
+        queue->setup.fields,
+    };
     struct solve_outcome outcome;
     solve_job(&task, &outcome);
     metrics_add(queue->setup.metrics, METRIC_ITERATIONS, outcome.iterations);
@@ -350,6 +353,7 @@ static void *worker_main(void *arg)
         leave_line(queue, item);
         struct job job = {.status = JOB_RUNNING, .revision = item->job.revision};
         memcpy(job.id, item->job.id, sizeof job.id);
+        memcpy(job.owner, item->job.owner, sizeof job.owner);
         pthread_mutex_unlock(&queue->lock);
         work_on(queue, &job);
         pthread_mutex_lock(&queue->lock);
@@ -461,11 +465,12 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
     return 0;
 }
 
-int queue_body(struct queue *queue, const char *id, char **ret_body, struct revision *ret_revision)
+int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,
+               struct revision *ret_revision)
 {
     int result = QUEUE_NONE;
     pthread_mutex_lock(&queue->lock);
-    const struct item *item = find(queue, id);
+    const struct item *item = find(queue, owner, id);
     if (item != NULL) {
         *ret_body = body_of(queue, item);
         *ret_revision = item->job.revision;
@@ -475,12 +480,12 @@ int queue_body(struct queue *queue, const char *id, char **ret_body, struct revi
     return result;
 }
 
-int queue_follow(struct queue *queue, const char *id, struct revision seen, void (*wake)(void *data),
-                 void *data, struct follower **ret, struct problem *reterr)
+int queue_follow(struct queue *queue, const char *owner, const char *id, struct revision seen,
+                 void (*wake)(void *data), void *data, struct follower **ret, struct problem *reterr)
 {
     int result = QUEUE_NONE;
     pthread_mutex_lock(&queue->lock);
-    const struct item *item = find(queue, id);
+    const struct item *item = find(queue, owner, id);
     char *body = item == NULL ? NULL : body_of(queue, item);
     if (item != NULL && body == NULL)
         result = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
@@ -497,13 +502,14 @@ int queue_follow(struct queue *queue, const char *id, struct revision seen, void
 }
 
 /* What cancelling needs to know of a job, read in one go. */
-static bool look_at(struct queue *queue, const char *id, struct job *ret)
+static bool look_at(struct queue *queue, const char *owner, const char *id, struct job *ret)
 {
     memset(ret, 0, sizeof *ret);
     pthread_mutex_lock(&queue->lock);
-    const struct item *item = find(queue, id);
+    const struct item *item = find(queue, owner, id);
     if (item != NULL) {
         memcpy(ret->id, item->job.id, sizeof ret->id);
+        memcpy(ret->owner, item->job.owner, sizeof ret->owner);
         ret->status = item->job.status;
         ret->revision = item->job.revision;
     }
@@ -516,7 +522,7 @@ static char *show_cancel(struct queue *queue, const struct job *job, bool ended)
 {
     char *body = NULL;
     pthread_mutex_lock(&queue->lock);
-    struct item *item = find(queue, job->id);
+    struct item *item = find(queue, job->owner, job->id);
     if (item != NULL) {
         item->job.cancel = true;
         atomic_store(&item->stop, true);
@@ -535,11 +541,12 @@ static char *show_cancel(struct queue *queue, const struct job *job, bool ended)
     return body;
 }
 
-int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct problem *reterr)
+int queue_cancel(struct queue *queue, const char *owner, const char *id, char **ret_body,
+                 struct problem *reterr)
 {
     struct job job;
     /* A job that starts or ends between the look and the write makes the write miss; then look again. */
-    for (int look = 0; look_at(queue, id, &job); look++) {
+    for (int look = 0; look_at(queue, owner, id, &job); look++) {
         bool waiting = job.status == JOB_QUEUED;
         job.finished_ms = clock_wall_ms();
         job.revision.counter += waiting;
@@ -549,7 +556,7 @@ int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct pr
             return -1;
         if (result == 0 && (*ret_body = show_cancel(queue, &job, waiting)) != NULL)
             return 0;
-        if (result == 0 && !look_at(queue, id, &job))
+        if (result == 0 && !look_at(queue, owner, id, &job))
             return QUEUE_NONE;
         if (look == CANCEL_LOOKS)
             return problem_set(reterr, PROBLEM_STORAGE, "The database does not know the job as it is.");

@@ -47,23 +47,25 @@ int queue_start(struct queue *queue, struct problem *reterr);
 /* Whether a job would be taken now; 0, or -1 with *reterr (queue-full, draining). */
 int queue_admits(struct queue *queue, struct problem *reterr);
 
-/* Store. Takes the texts of *job (emptying it) whose id and name and labels are set, and what was kept for it
- * to start from. On success (0) the job is durable and *ret_body its body, which the caller frees. */
+/* Store. Takes the texts of *job (emptying it) whose id, owner, priority and texts are set, and what was kept
+ * for it to start from. On success (0) the job is durable and *ret_body its body, which the caller frees. */
 int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
                  struct problem *reterr);
 
-#define QUEUE_NONE 1 /* not here: ended, or never was */
+#define QUEUE_NONE 1 /* not here: ended, never was, or another owner's */
 
 /* The body of a job as it stands; the caller frees it. 0, QUEUE_NONE, or -1 when out of memory. */
-int queue_body(struct queue *queue, const char *id, char **ret_body, struct revision *ret_revision);
+int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,
+               struct revision *ret_revision);
 
 /* Follows a job's events (see follower_new). 0, QUEUE_NONE, or -1 with *reterr. */
-int queue_follow(struct queue *queue, const char *id, struct revision seen, void (*wake)(void *data),
-                 void *data, struct follower **ret, struct problem *reterr);
+int queue_follow(struct queue *queue, const char *owner, const char *id, struct revision seen,
+                 void (*wake)(void *data), void *data, struct follower **ret, struct problem *reterr);
 
 /* Store. A queued job ends at once, a running one at its next iteration; either way 0 and the body as it
  * stands. QUEUE_NONE, or -1 with *reterr. */
-int queue_cancel(struct queue *queue, const char *id, char **ret_body, struct problem *reterr);
+int queue_cancel(struct queue *queue, const char *owner, const char *id, char **ret_body,
+                 struct problem *reterr);
 
 /* Stopping: drain (nothing more is taken or started), wait for queue_running to be 0 or for patience to
  * end, interrupt (what still runs goes back to the line, in the store), free. */

@@ -51,7 +51,7 @@ static int on_progress(const drape_progress *progress, void *data)
 static int load(struct run *run, struct problem *reterr)
 {
     const struct solve_task *task = run->task;
-    struct meshref meshref = {task->store, task->limits};
+    struct meshref meshref = {task->store, task->owner, task->limits};
     char *text;
     size_t bytes;
     if (store_job_document(task->store, task->id, &text, &bytes, reterr) != 0)
@@ -59,7 +59,7 @@ static int load(struct run *run, struct problem *reterr)
     int failed = schema_job_parse(text, bytes, task->limits, meshref_load, &meshref, &run->spec, reterr);
     free(text);
     if (!failed && run->spec->start_from[0] != '\0')
-        failed = start_load(task->store, task->limits, task->id, run->spec, reterr);
+        failed = start_load(&meshref, task->id, run->spec, reterr);
     return failed;
 }
 

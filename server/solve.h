@@ -18,7 +18,7 @@ struct fields;
 struct solve_task {
     struct store *store;
     const struct limits *limits;
-    const char *id;
+    const char *owner, *id;
     uint32_t attempt;
     atomic_bool *stop;                        /* looked at once an iteration */
     void (*progress)(char *json, void *data); /* on the solving thread; takes the text */

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "meshref.h"
 #include "output.h"
 
 #define POINTER "/start_from"
@@ -88,33 +87,33 @@ static int set_pins(struct job_spec *spec, const struct job_spec *from, const do
 }
 
 /* What the other job was: its document, read as this version would read it if it were posted now. */
-static int parse_from(struct store *store, const struct limits *limits, const char *id, struct job_spec **ret,
+static int parse_from(const struct meshref *rooms, const char *id, struct job_spec **ret,
                       struct problem *reterr)
 {
-    struct meshref meshref = {store, limits};
+    struct meshref meshref = *rooms;
     struct problem why;
     char *text;
     size_t bytes;
-    if (store_start_document(store, id, &text, &bytes, reterr) != 0)
+    if (store_start_document(rooms->store, id, &text, &bytes, reterr) != 0)
         return -1;
-    int failed = schema_job_parse(text, bytes, limits, meshref_load, &meshref, ret, &why);
+    int failed = schema_job_parse(text, bytes, rooms->limits, meshref_load, &meshref, ret, &why);
     free(text);
     return failed ? problem_at(reterr, PROBLEM_INVALID, POINTER, "that job's document: %s", why.detail) : 0;
 }
 
 /* Without `carried` everything but carrying the cloth, which takes the worker's time and can only fail for
  * want of memory. */
-static int load(struct store *store, const struct limits *limits, const char *id, bool carried,
-                struct job_spec *spec, struct problem *reterr)
+static int load(const struct meshref *rooms, const char *id, bool carried, struct job_spec *spec,
+                struct problem *reterr)
 {
     struct job_spec *from = NULL;
     char *drape = NULL;
     size_t bytes;
-    int failed = store_start_drape(store, id, &drape, &bytes, reterr);
+    int failed = store_start_drape(rooms->store, id, &drape, &bytes, reterr);
     if (!failed)
         failed = take_drape(spec, drape, bytes, reterr);
     if (!failed)
-        failed = parse_from(store, limits, id, &from, reterr);
+        failed = parse_from(rooms, id, &from, reterr);
     if (!failed)
         failed = take_pattern(spec, from, reterr) || (carried && carry(spec, from, reterr)) ||
                  set_pins(spec, from, (const double *)(const void *)drape, reterr) ||
@@ -124,10 +123,9 @@ static int load(struct store *store, const struct limits *limits, const char *id
     return failed ? -1 : 0;
 }
 
-int start_load(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
-               struct problem *reterr)
+int start_load(const struct meshref *rooms, const char *id, struct job_spec *spec, struct problem *reterr)
 {
-    return load(store, limits, id, true, spec, reterr);
+    return load(rooms, id, true, spec, reterr);
 }
 
 /* ---- a job that is posted ----------------------------------------------------------------------- */
@@ -148,14 +146,13 @@ static int refuse(int found, const char *from, struct problem *reterr)
     }
 }
 
-int start_keep(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
-               struct problem *reterr)
+int start_keep(const struct meshref *rooms, const char *id, struct job_spec *spec, struct problem *reterr)
 {
-    int found = store_start_keep(store, id, spec->start_from, OUTPUT_POSITIONS, reterr);
+    int found = store_start_keep(rooms->store, rooms->owner, id, spec->start_from, OUTPUT_POSITIONS, reterr);
     if (found != 0)
         return refuse(found, spec->start_from, reterr);
-    int failed = load(store, limits, id, false, spec, reterr);
+    int failed = load(rooms, id, false, spec, reterr);
     if (failed)
-        store_start_drop(store, id);
+        store_start_drop(rooms->store, id);
     return failed;
 }

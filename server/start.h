@@ -12,18 +12,15 @@
 #ifndef DRAPED_START_H
 #define DRAPED_START_H
 
-#include "limits.h"
+#include "meshref.h"
 #include "schema.h"
-#include "store.h"
 
-/* For a job that is being posted, not added yet, under `id`: keeps what it starts from, and checks that it
- * can. 0, or -1 with *reterr and nothing kept; the refusals (404 not-found, 409 not-ready and no-result, 410
- * gone, 422) point at /start_from. */
-int start_keep(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
-               struct problem *reterr);
+/* For a job that is being posted, not added yet, under `id`: keeps what it starts from, which must be of the
+ * same owner (rooms->owner), and checks that it can. 0, or -1 with *reterr and nothing kept; the refusals
+ * (404 not-found, 409 not-ready and no-result, 410 gone, 422) point at /start_from. */
+int start_keep(const struct meshref *rooms, const char *id, struct job_spec *spec, struct problem *reterr);
 
 /* The same for the worker of job `id`, from what it has kept: fills spec->start and spec->start_pattern. */
-int start_load(struct store *store, const struct limits *limits, const char *id, struct job_spec *spec,
-               struct problem *reterr);
+int start_load(const struct meshref *rooms, const char *id, struct job_spec *spec, struct problem *reterr);
 
 #endif

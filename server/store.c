@@ -23,14 +23,14 @@
 #include "log.h"
 #include "metrics.h"
 
-#define SCHEMA_VERSION 2
+#define SCHEMA_VERSION 3
 
 /* Ids of removed jobs that are remembered, so that they answer 410 and not 404; about 10 MB. */
 #define MAX_GONE "100000"
 
 #define JOB_COLUMNS                                                                                          \
     "seq,id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,"                \
-    "name,labels,progress,report,error,warnings"
+    "name,labels,progress,report,error,warnings,owner,priority"
 
 enum statement {
     SQL_BEGIN = 0,
@@ -54,35 +54,76 @@ enum statement {
     SQL_QUEUED,
     SQL_MESH_ADD,
     SQL_MESH_GET,
+    SQL_MESH_KNOWN,
+    SQL_JOB_KNOWN,
     STATEMENTS
 };
+
+#define ENDED "status IN ('succeeded','failed','canceled')"
+
+#define INDICES                                                                                              \
+    "CREATE INDEX job_owner ON job(owner, seq);"                                                             \
+    "CREATE INDEX job_ended ON job(finished_ms, bytes) WHERE " ENDED ";"                                     \
+    "CREATE INDEX mesh_sha256 ON mesh(sha256);"                                                              \
+    "CREATE INDEX mesh_touched ON mesh(touched_ms);"                                                         \
+    "CREATE INDEX job_mesh_sha256 ON job_mesh(sha256);"                                                      \
+    "CREATE INDEX idempotency_at ON idempotency(at_ms);"
+
+/* touched_ms: when it was last uploaded or named by a new job. */
+#define MESH_TABLE                                                                                           \
+    "CREATE TABLE mesh(owner TEXT NOT NULL, sha256 TEXT NOT NULL, format INTEGER NOT NULL,"                  \
+    " bytes INTEGER NOT NULL, vertices INTEGER NOT NULL, triangles INTEGER NOT NULL,"                        \
+    " created_ms INTEGER NOT NULL, touched_ms INTEGER NOT NULL, PRIMARY KEY(owner, sha256)) WITHOUT ROWID;"
+
+/* The meshes that a job needs, all of its owner's; '*': any, for a job from before this was noted. */
+#define JOB_MESH_TABLE                                                                                       \
+    "CREATE TABLE job_mesh(job INTEGER NOT NULL REFERENCES job(seq) ON DELETE CASCADE, sha256 TEXT NOT "     \
+    "NULL, PRIMARY KEY(job, sha256)) WITHOUT ROWID;"
+
+/* What was answered to a request with an Idempotency-Key; body: SHA-256 of the request's. */
+#define IDEMPOTENCY_TABLE                                                                                    \
+    "CREATE TABLE idempotency(owner TEXT NOT NULL, route TEXT NOT NULL, key TEXT NOT NULL,"                  \
+    " body TEXT NOT NULL, job TEXT NOT NULL, answer TEXT NOT NULL, at_ms INTEGER NOT NULL,"                  \
+    " PRIMARY KEY(owner, route, key)) WITHOUT ROWID;"
 
 static const char create_sql[] =
     "CREATE TABLE job(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
     " status TEXT NOT NULL, verdict TEXT NOT NULL, attempt INTEGER NOT NULL, counter INTEGER NOT NULL,"
     " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
     " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
-    " report TEXT, error TEXT, warnings TEXT);"
+    " report TEXT, error TEXT, warnings TEXT, owner TEXT NOT NULL, priority INTEGER NOT NULL,"
+    " bytes INTEGER NOT NULL);"
     "CREATE INDEX job_status ON job(status, seq);"
-    "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, at_ms INTEGER NOT "
-    "NULL);"
-    "CREATE TABLE mesh(sha256 TEXT PRIMARY KEY, format INTEGER NOT NULL, bytes INTEGER NOT NULL,"
-    " vertices INTEGER NOT NULL, triangles INTEGER NOT NULL, created_ms INTEGER NOT NULL) WITHOUT ROWID;"
-    "PRAGMA user_version=2;";
+    "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
+    " at_ms INTEGER NOT NULL, owner TEXT NOT NULL);" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE INDICES
+    "PRAGMA user_version=3;";
 
-/* What version 1 lacks. */
-static const char upgrade_sql[] = "ALTER TABLE job ADD COLUMN warnings TEXT; PRAGMA user_version=2;";
+/* What the version before lacks, by that version. A mesh of version 2 counts as just touched: which jobs
+ * name it is not known, but for those that have not ended, which hold them all. */
+static const char *const upgrade_sql[SCHEMA_VERSION] = {
+    [1] = "ALTER TABLE job ADD COLUMN warnings TEXT; PRAGMA user_version=2;",
+    [2] =
+        "ALTER TABLE job ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
+        "ALTER TABLE job ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;"
+        "ALTER TABLE job ADD COLUMN bytes INTEGER NOT NULL DEFAULT 0;"
+        "ALTER TABLE gone ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
+        "ALTER TABLE mesh RENAME TO mesh_2;" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE
+        "INSERT INTO mesh SELECT '',sha256,format,bytes,vertices,triangles,created_ms,1000*unixepoch()"
+        " FROM mesh_2;"
+        "DROP TABLE mesh_2;"
+        "INSERT INTO job_mesh SELECT seq,'*' FROM job WHERE NOT " ENDED ";" INDICES "PRAGMA user_version=3;",
+};
 
 /* Parameters are numbered as bind_job gives them: id 1, attempt 2, counter 3, status 4, verdict 5,
  * started 6, finished 7, progress 8, report 9, error 10, crashes 11, cancel 12, created 13, name 14,
- * labels 15, warnings 16. */
+ * labels 15, warnings 16, owner 17, priority 18. */
 static const char *const sql_text[STATEMENTS] = {
     [SQL_BEGIN] = "BEGIN IMMEDIATE",
     [SQL_COMMIT] = "COMMIT",
     [SQL_ROLLBACK] = "ROLLBACK",
     [SQL_JOB_ADD] = "INSERT INTO job(id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,"
-                    "finished_ms,name,labels,progress,report,error,warnings)"
-                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16)",
+                    "finished_ms,name,labels,progress,report,error,warnings,owner,priority,bytes)"
+                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16,?17,?18,0)",
     [SQL_JOB_START] = "UPDATE job SET status='running',counter=?3,started_ms=?6"
                       " WHERE id=?1 AND status='queued' AND attempt=?2",
     [SQL_JOB_CANCEL_QUEUED] = "UPDATE job SET status='canceled',counter=?3,finished_ms=?7,cancel=1"
@@ -92,14 +133,14 @@ static const char *const sql_text[STATEMENTS] = {
                         " WHERE id=?1 AND status='running' AND attempt=?2",
     [SQL_JOB_FINISH] = "UPDATE job SET status=?4,verdict=?5,counter=?3,finished_ms=?7,progress=?8,report=?9,"
                        "error=?10 WHERE id=?1 AND status='running' AND attempt=?2",
-    [SQL_JOB_GET] = "SELECT " JOB_COLUMNS " FROM job WHERE id=?1",
-    [SQL_JOB_LIST] = "SELECT " JOB_COLUMNS " FROM job WHERE seq<?1 AND (?2 IS NULL OR status=?2)"
+    [SQL_JOB_GET] = "SELECT " JOB_COLUMNS " FROM job WHERE id=?1 AND owner=?2",
+    [SQL_JOB_LIST] = "SELECT " JOB_COLUMNS " FROM job WHERE owner=?6 AND seq<?1 AND (?2 IS NULL OR status=?2)"
                      " AND (?3 IS NULL OR EXISTS(SELECT 1 FROM json_each(labels) WHERE key=?3 AND value=?4))"
                      " ORDER BY seq DESC LIMIT ?5",
-    [SQL_JOB_REMOVE] = "DELETE FROM job WHERE id=?1 AND status IN ('succeeded','failed','canceled')",
-    [SQL_GONE_ADD] = "INSERT INTO gone(id,at_ms) VALUES(?1,?2)",
+    [SQL_JOB_REMOVE] = "DELETE FROM job WHERE id=?1 AND " ENDED,
+    [SQL_GONE_ADD] = "INSERT INTO gone(id,at_ms,owner) VALUES(?1,?2,?3)",
     [SQL_GONE_TRIM] = "DELETE FROM gone WHERE seq<=(SELECT max(seq) FROM gone)-" MAX_GONE,
-    [SQL_GONE_GET] = "SELECT 1 FROM gone WHERE id=?1",
+    [SQL_GONE_GET] = "SELECT 1 FROM gone WHERE id=?1 AND owner=?2",
     [SQL_RECOVER_CANCELED] = "UPDATE job SET status='canceled',crashes=crashes+1,attempt=attempt+1,counter=1,"
                              "finished_ms=?1 WHERE status='running' AND cancel=1",
     [SQL_RECOVER_FAILED] = "UPDATE job SET status='failed',crashes=crashes+1,attempt=attempt+1,counter=1,"
@@ -107,8 +148,10 @@ static const char *const sql_text[STATEMENTS] = {
     [SQL_RECOVER_QUEUED] = "UPDATE job SET status='queued',crashes=crashes+1,attempt=attempt+1,counter=1,"
                            "started_ms=0,progress=NULL WHERE status='running'",
     [SQL_QUEUED] = "SELECT " JOB_COLUMNS " FROM job WHERE status='queued' ORDER BY seq",
-    [SQL_MESH_ADD] = "INSERT OR IGNORE INTO mesh VALUES(?1,?2,?3,?4,?5,?6)",
-    [SQL_MESH_GET] = "SELECT format,bytes,vertices,triangles FROM mesh WHERE sha256=?1",
+    [SQL_MESH_ADD] = "INSERT OR IGNORE INTO mesh VALUES(?1,?2,?3,?4,?5,?6,?7,?7)",
+    [SQL_MESH_GET] = "SELECT format,bytes,vertices,triangles FROM mesh WHERE owner=?1 AND sha256=?2",
+    [SQL_MESH_KNOWN] = "SELECT 1 FROM mesh WHERE sha256=?1",
+    [SQL_JOB_KNOWN] = "SELECT attempt,status FROM job WHERE id=?1",
 };
 
 struct store {
@@ -198,7 +241,7 @@ static void bind_job(sqlite3_stmt *s, const struct job *job)
         sqlite3_bind_int64(s, 7, job->finished_ms);
     for (int i = 0; i < 3 && count >= 8 + i; i++)
         bind_text(s, 8 + i, text[i]);
-    if (count < 16)
+    if (count < 18)
         return;
     sqlite3_bind_int64(s, 11, job->crashes);
     sqlite3_bind_int64(s, 12, job->cancel);
@@ -206,6 +249,8 @@ static void bind_job(sqlite3_stmt *s, const struct job *job)
     bind_text(s, 14, job->name);
     bind_text(s, 15, job->labels);
     bind_text(s, 16, job->warnings);
+    bind_text(s, 17, job->owner);
+    sqlite3_bind_int(s, 18, job->priority);
 }
 
 /* Begins a transaction; 0 or -1. */
@@ -271,11 +316,14 @@ static int read_job(sqlite3_stmt *s, struct job *ret, int64_t *ret_seq)
     const char *id = (const char *)sqlite3_column_text(s, 1);
     const char *status = (const char *)sqlite3_column_text(s, 2);
     const char *verdict = (const char *)sqlite3_column_text(s, 3);
+    const char *owner = (const char *)sqlite3_column_text(s, 17);
     int number = status == NULL ? -1 : job_status_from_name(status);
-    if (id == NULL || verdict == NULL || number < 0)
+    if (id == NULL || verdict == NULL || owner == NULL || number < 0)
         return -1;
     snprintf(job.id, sizeof job.id, "%s", id);
     snprintf(job.verdict, sizeof job.verdict, "%s", verdict);
+    snprintf(job.owner, sizeof job.owner, "%s", owner);
+    job.priority = sqlite3_column_int(s, 18);
     job.status = (enum job_status)number;
     job.revision.attempt = (uint32_t)sqlite3_column_int64(s, 4);
     job.revision.counter = (uint32_t)sqlite3_column_int64(s, 5);
@@ -369,14 +417,18 @@ static int schema_version(sqlite3 *db)
 static int create_tables(struct store *store, struct problem *reterr)
 {
     int version = schema_version(store->db);
-    if (version == SCHEMA_VERSION)
-        return 0;
-    if (version != 0 && version != 1)
+    if (version < 0 || version > SCHEMA_VERSION)
         return problem_set(reterr, PROBLEM_STORAGE, "The data folder was written by another version (%d).",
                            version);
-    if (sqlite3_exec(store->db, "BEGIN IMMEDIATE", NULL, NULL, NULL) != SQLITE_OK ||
-        sqlite3_exec(store->db, version == 1 ? upgrade_sql : create_sql, NULL, NULL, NULL) != SQLITE_OK ||
-        sqlite3_exec(store->db, "COMMIT", NULL, NULL, NULL) != SQLITE_OK)
+    if (version == SCHEMA_VERSION)
+        return 0;
+    bool ok = sqlite3_exec(store->db, "BEGIN IMMEDIATE", NULL, NULL, NULL) == SQLITE_OK;
+    if (version == 0)
+        ok = ok && sqlite3_exec(store->db, create_sql, NULL, NULL, NULL) == SQLITE_OK;
+    else
+        for (int v = version; v < SCHEMA_VERSION; v++)
+            ok = ok && sqlite3_exec(store->db, upgrade_sql[v], NULL, NULL, NULL) == SQLITE_OK;
+    if (!ok || sqlite3_exec(store->db, "COMMIT", NULL, NULL, NULL) != SQLITE_OK)
         return fail_db(store, "make its tables", reterr);
     return 0;
 }
@@ -490,11 +542,26 @@ static void sweep_entry(const char *name, void *data)
         sweep->removed++;
 }
 
-/* The names of a start are wanted until their job has ended. */
-static bool start_wanted(const char *name, const struct job *job)
+/* Whosever it is. 0, STORE_NONE or -1. */
+static int find_job(struct store *store, const char *id, uint32_t *ret_attempt, enum job_status *ret_status)
 {
-    const char *suffix = name + strlen(job->id);
-    return !job_status_ended(job->status) &&
+    pthread_mutex_lock(&store->lock);
+    sqlite3_stmt *s = store->statement[SQL_JOB_KNOWN];
+    bind_text(s, 1, id);
+    int code = sqlite3_step(s);
+    if (code == SQLITE_ROW) {
+        *ret_attempt = (uint32_t)sqlite3_column_int64(s, 0);
+        *ret_status = (enum job_status)job_status_from_name((const char *)sqlite3_column_text(s, 1));
+    }
+    sqlite3_reset(s);
+    pthread_mutex_unlock(&store->lock);
+    return code == SQLITE_ROW ? 0 : code == SQLITE_DONE ? STORE_NONE : -1;
+}
+
+/* The names of a start are wanted until their job has ended. */
+static bool start_wanted(const char *suffix, enum job_status status)
+{
+    return !job_status_ended(status) &&
            (strcmp(suffix, FROM_SUFFIX) == 0 || strcmp(suffix, START_SUFFIX) == 0);
 }
 
@@ -502,18 +569,18 @@ static bool start_wanted(const char *name, const struct job *job)
 static bool job_entry_wanted(struct store *store, const char *name, bool result)
 {
     char id[ID_SIZE], expected[NAME_SIZE];
-    struct job job;
+    uint32_t attempt;
+    enum job_status status;
     snprintf(id, sizeof id, "%s", name);
-    if (store_job_get(store, id, &job, NULL) != 0)
-        return false;
+    int found = find_job(store, id, &attempt, &status);
+    if (found != 0)
+        return found < 0; /* a database that cannot tell is no reason to remove anything */
     if (result)
-        results_name(id, job.revision.attempt, "", expected);
+        results_name(id, attempt, "", expected);
     else
         document_name(id, expected);
-    bool wanted = strcmp(name, expected) == 0 ? !result || job.status == JOB_SUCCEEDED
-                                              : !result && start_wanted(name, &job);
-    job_done(&job);
-    return wanted;
+    return strcmp(name, expected) == 0 ? !result || status == JOB_SUCCEEDED
+                                       : !result && start_wanted(name + strlen(id), status);
 }
 
 static bool document_wanted(struct store *store, const char *name)
@@ -528,8 +595,12 @@ static bool result_wanted(struct store *store, const char *name)
 
 static bool mesh_wanted(struct store *store, const char *name)
 {
-    struct store_mesh mesh;
-    return sha256_valid(name) && store_mesh_get(store, name, &mesh, NULL) == 0;
+    pthread_mutex_lock(&store->lock);
+    bind_text(store->statement[SQL_MESH_KNOWN], 1, name);
+    int code = sqlite3_step(store->statement[SQL_MESH_KNOWN]);
+    sqlite3_reset(store->statement[SQL_MESH_KNOWN]);
+    pthread_mutex_unlock(&store->lock);
+    return code != SQLITE_DONE;
 }
 
 static void sweep_orphans(struct store *store)
@@ -629,13 +700,15 @@ int store_job_finish(struct store *store, const struct job *job, struct problem 
     return result;
 }
 
-int store_job_get(struct store *store, const char *id, struct job *ret, struct problem *reterr)
+int store_job_get(struct store *store, const char *owner, const char *id, struct job *ret,
+                  struct problem *reterr)
 {
     int result;
     int64_t seq;
     pthread_mutex_lock(&store->lock);
     sqlite3_stmt *s = store->statement[SQL_JOB_GET];
     bind_text(s, 1, id);
+    bind_text(s, 2, owner);
     int code = sqlite3_step(s);
     if (code == SQLITE_ROW)
         result = read_job(s, ret, &seq) == 0 ? 0 : fail_db(store, "read the job", reterr);
@@ -644,6 +717,7 @@ int store_job_get(struct store *store, const char *id, struct job *ret, struct p
     sqlite3_reset(s);
     if (result == STORE_NONE) {
         bind_text(store->statement[SQL_GONE_GET], 1, id);
+        bind_text(store->statement[SQL_GONE_GET], 2, owner);
         if (sqlite3_step(store->statement[SQL_GONE_GET]) == SQLITE_ROW)
             result = STORE_GONE;
         sqlite3_reset(store->statement[SQL_GONE_GET]);
@@ -663,8 +737,8 @@ int store_job_document(struct store *store, const char *id, char **ret, size_t *
 }
 
 /* The rows' part of a removal, in one transaction; *ret_changes tells whether there was one to remove. */
-static int remove_row(struct store *store, const char *id, int64_t now_ms, int *ret_changes,
-                      struct problem *reterr)
+static int remove_row(struct store *store, const char *owner, const char *id, int64_t now_ms,
+                      int *ret_changes, struct problem *reterr)
 {
     int64_t started;
     int result = 0;
@@ -672,6 +746,7 @@ static int remove_row(struct store *store, const char *id, int64_t now_ms, int *
     bind_text(store->statement[SQL_JOB_REMOVE], 1, id);
     bind_text(store->statement[SQL_GONE_ADD], 1, id);
     sqlite3_bind_int64(store->statement[SQL_GONE_ADD], 2, now_ms);
+    bind_text(store->statement[SQL_GONE_ADD], 3, owner);
     bool ok = begin(store, &started) == 0 && run(store, SQL_JOB_REMOVE) == 0;
     *ret_changes = ok ? sqlite3_changes(store->db) : 0;
     if (*ret_changes > 0)
@@ -684,15 +759,16 @@ static int remove_row(struct store *store, const char *id, int64_t now_ms, int *
     return result;
 }
 
-int store_job_remove(struct store *store, const char *id, int64_t now_ms, struct problem *reterr)
+int store_job_remove(struct store *store, const char *owner, const char *id, int64_t now_ms,
+                     struct problem *reterr)
 {
     char name[NAME_SIZE];
     struct job job;
     int changes;
-    int result = store_job_get(store, id, &job, reterr);
+    int result = store_job_get(store, owner, id, &job, reterr);
     if (result != 0)
         return result;
-    result = remove_row(store, id, now_ms, &changes, reterr);
+    result = remove_row(store, owner, id, now_ms, &changes, reterr);
     if (result == 0 && changes == 0)
         result = STORE_NONE;
     if (result == 0) {
@@ -719,6 +795,7 @@ int store_job_list(struct store *store, const struct store_filter *filter, store
     bind_text(s, 3, filter->label_name);
     bind_text(s, 4, filter->label_value);
     sqlite3_bind_int64(s, 5, (int64_t)filter->limit + 1); /* one more tells whether there are more */
+    bind_text(s, 6, filter->owner);
     int failed = read_jobs(store, SQL_JOB_LIST, SIZE_MAX, &job, &seq, &count);
     if (failed)
         fail_db(store, "list the jobs", reterr);
@@ -786,12 +863,12 @@ static int link_start(struct store *store, int dirfd, const char *path, const ch
     return linkat(dirfd, path, store->jobs, name, 0);
 }
 
-int store_start_keep(struct store *store, const char *id, const char *from, const char *file,
-                     struct problem *reterr)
+int store_start_keep(struct store *store, const char *owner, const char *id, const char *from,
+                     const char *file, struct problem *reterr)
 {
     struct job job;
     char document[NAME_SIZE], folder[NAME_SIZE], path[NAME_SIZE + 32];
-    int found = store_job_get(store, from, &job, reterr);
+    int found = store_job_get(store, owner, from, &job, reterr);
     if (found != 0)
         return found;
     enum job_status status = job.status;
@@ -811,7 +888,7 @@ int store_start_keep(struct store *store, const char *id, const char *from, cons
     store_start_drop(store, id);
     if (!missing)
         return failed;
-    found = store_job_get(store, from, &job, reterr); /* it may just have been removed */
+    found = store_job_get(store, owner, from, &job, reterr); /* it may just have been removed */
     if (found == 0)
         job_done(&job);
     return found == 0 ? STORE_WITHOUT : found;
@@ -851,8 +928,8 @@ int store_start_drape(struct store *store, const char *id, char **ret, size_t *r
 
 /* ---- meshes ------------------------------------------------------------------------------------- */
 
-int store_mesh_add(struct store *store, const struct store_mesh *mesh, const void *data, int64_t now_ms,
-                   struct problem *reterr)
+int store_mesh_add(struct store *store, const char *owner, const struct store_mesh *mesh, const void *data,
+                   int64_t now_ms, struct problem *reterr)
 {
     if (files_write_durably(store->meshes, mesh->sha256, data, mesh->bytes) != 0)
         return fail_file(store, "keep the mesh", reterr);
@@ -860,12 +937,13 @@ int store_mesh_add(struct store *store, const struct store_mesh *mesh, const voi
     int result = 0;
     pthread_mutex_lock(&store->lock);
     sqlite3_stmt *s = store->statement[SQL_MESH_ADD];
-    bind_text(s, 1, mesh->sha256);
-    sqlite3_bind_int(s, 2, mesh->format);
-    sqlite3_bind_int64(s, 3, (int64_t)mesh->bytes);
-    sqlite3_bind_int64(s, 4, (int64_t)mesh->vertices);
-    sqlite3_bind_int64(s, 5, (int64_t)mesh->triangles);
-    sqlite3_bind_int64(s, 6, now_ms);
+    bind_text(s, 1, owner);
+    bind_text(s, 2, mesh->sha256);
+    sqlite3_bind_int(s, 3, mesh->format);
+    sqlite3_bind_int64(s, 4, (int64_t)mesh->bytes);
+    sqlite3_bind_int64(s, 5, (int64_t)mesh->vertices);
+    sqlite3_bind_int64(s, 6, (int64_t)mesh->triangles);
+    sqlite3_bind_int64(s, 7, now_ms);
     bool ok = begin(store, &started) == 0 && run(store, SQL_MESH_ADD) == 0;
     if (!ok)
         result = fail_db(store, "add the mesh", reterr);
@@ -875,12 +953,14 @@ int store_mesh_add(struct store *store, const struct store_mesh *mesh, const voi
     return result;
 }
 
-int store_mesh_get(struct store *store, const char *sha256, struct store_mesh *ret, struct problem *reterr)
+int store_mesh_get(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
+                   struct problem *reterr)
 {
     int result = 0;
     pthread_mutex_lock(&store->lock);
     sqlite3_stmt *s = store->statement[SQL_MESH_GET];
-    bind_text(s, 1, sha256);
+    bind_text(s, 1, owner);
+    bind_text(s, 2, sha256);
     int code = sqlite3_step(s);
     if (code == SQLITE_ROW) {
         snprintf(ret->sha256, sizeof ret->sha256, "%s", sha256);
@@ -896,8 +976,12 @@ int store_mesh_get(struct store *store, const char *sha256, struct store_mesh *r
     return result;
 }
 
-int store_mesh_open(struct store *store, const char *sha256, int *ret_fd, struct problem *reterr)
+int store_mesh_open(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
+                    int *ret_fd, struct problem *reterr)
 {
+    int found = store_mesh_get(store, owner, sha256, ret, reterr);
+    if (found != 0)
+        return found;
     int fd = openat(store->meshes, sha256, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return errno == ENOENT ? STORE_NONE : fail_file(store, "open the mesh", reterr);

@@ -1,6 +1,6 @@
 /* store.h - what must survive: jobs, results and meshes in the data folder.
  *
- *   draped.db               SQLite: one row per job and per mesh
+ *   draped.db               SQLite: one row per job, and per mesh and owner
  *   draped.lock             held by the one daemon that may use the folder
  *   jobs/<id>.json          the document as it was posted
  *   jobs/<id>.from, .start  of a re-drape that has not ended: document and drape of the job it starts from
@@ -15,6 +15,9 @@
  * Any thread may call anything but open and close. One lock (inside) serialises the one database
  * connection; it is held for one short transaction, never while files are written, and nothing else
  * is locked under it. Every call may wait for the disk: not for the HTTP thread.
+ *
+ * Every job and mesh has an owner (job.h). Functions that take one find nothing of anybody else's; those
+ * without are for the queue and its workers, which act for the owner of the job they hold.
  *
  * Functions return 0; STORE_NONE when there is no such row, or none in that state at that attempt
  * (*reterr is untouched); or -1 with *reterr filled (PROBLEM_STORAGE, nothing changed). */
@@ -65,17 +68,20 @@ int store_job_requeue(struct store *store, const struct job *job, struct problem
  * (see store_results_begin); one that did not has them dropped. After -1 it may be called again. */
 int store_job_finish(struct store *store, const struct job *job, struct problem *reterr);
 
-int store_job_get(struct store *store, const char *id, struct job *ret, struct problem *reterr);
+int store_job_get(struct store *store, const char *owner, const char *id, struct job *ret,
+                  struct problem *reterr);
 
-/* The posted document; the caller frees *ret. */
+/* The posted document, for whoever has got the job; the caller frees *ret. */
 int store_job_document(struct store *store, const char *id, char **ret, size_t *ret_bytes,
                        struct problem *reterr);
 
 /* Removes an ended job and all its files; its id is remembered as gone. STORE_GONE: already;
  * STORE_NONE: no such job, or it has not ended. */
-int store_job_remove(struct store *store, const char *id, int64_t now_ms, struct problem *reterr);
+int store_job_remove(struct store *store, const char *owner, const char *id, int64_t now_ms,
+                     struct problem *reterr);
 
 struct store_filter {
+    const char *owner;
     int status;             /* enum job_status; -1: any */
     const char *label_name; /* NULL: any */
     const char *label_value;
@@ -107,8 +113,8 @@ int store_result_open(struct store *store, const char *id, uint32_t attempt, con
 /* For job `id`, which is added afterwards, what `from` has; `file` is that of its drape among the results.
  * STORE_NONE or STORE_GONE as store_job_get of `from`; STORE_UNFINISHED where it has not ended,
  * STORE_WITHOUT where it ended without that file. */
-int store_start_keep(struct store *store, const char *id, const char *from, const char *file,
-                     struct problem *reterr);
+int store_start_keep(struct store *store, const char *owner, const char *id, const char *from,
+                     const char *file, struct problem *reterr);
 #define STORE_UNFINISHED 3
 #define STORE_WITHOUT    4
 void store_start_drop(struct store *store, const char *id);
@@ -119,7 +125,8 @@ int store_start_document(struct store *store, const char *id, char **ret, size_t
 int store_start_drape(struct store *store, const char *id, char **ret, size_t *ret_bytes,
                       struct problem *reterr);
 
-/* ---- meshes -------------------------------------------------------------------------------------- */
+/* ---- meshes --------------------------------------------------------------------------------------
+ * Each owner has rows of its own, and sees no other's; equal bytes are one file. */
 
 struct store_mesh {
     char sha256[SHA256_SIZE];
@@ -129,10 +136,12 @@ struct store_mesh {
 };
 
 /* Keeps `data` (mesh->bytes of it) under its digest. A mesh that is there already stays as it is. */
-int store_mesh_add(struct store *store, const struct store_mesh *mesh, const void *data, int64_t now_ms,
+int store_mesh_add(struct store *store, const char *owner, const struct store_mesh *mesh, const void *data,
+                   int64_t now_ms, struct problem *reterr);
+int store_mesh_get(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
                    struct problem *reterr);
-int store_mesh_get(struct store *store, const char *sha256, struct store_mesh *ret, struct problem *reterr);
-/* The mesh's bytes, open for reading; the caller closes *ret_fd. */
-int store_mesh_open(struct store *store, const char *sha256, int *ret_fd, struct problem *reterr);
+/* The same with the mesh's bytes, open for reading; the caller closes *ret_fd. */
+int store_mesh_open(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
+                    int *ret_fd, struct problem *reterr);
 
 #endif

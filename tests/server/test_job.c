@@ -62,7 +62,7 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     (void)state;
     const char *member[] = {"id",      "name",           "labels",     "status",      "verdict",  "revision",
                             "attempt", "created_at",     "started_at", "finished_at", "progress", "report",
-                            "error",   "queue_position", "links",      "warnings"};
+                            "error",   "queue_position", "links",      "warnings",    "priority"};
     struct job job = {
         .id = "0123456789abcdef0123456789abcdef", .revision = {1, 3}, .created_ms = 1182763800125};
     json_t *json = body(&job, 4);
@@ -74,11 +74,14 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     assert_int_equal(json_integer_value(json_object_get(json, "queue_position")), 4);
     assert_true(json_is_null(json_object_get(json, "verdict")));
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 0);
+    assert_string_equal(json_string_value(json_object_get(json, "priority")), "normal");
     json_decref(json);
+    job.priority = JOB_PRIORITY_LOW;
     char warnings[] = "[{\"pointer\":\"/cloth/seams/0\",\"detail\":\"crossed\"}]";
     job.warnings = warnings;
     json = body(&job, 0);
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 1);
+    assert_string_equal(json_string_value(json_object_get(json, "priority")), "low");
     json_decref(json);
 }
 

@@ -103,7 +103,7 @@ static void wait_end(struct rig *rig, const char *id, struct job *ret)
 {
     struct problem problem;
     for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(2)) {
-        assert_int_equal(store_job_get(rig->store, id, ret, &problem), 0);
+        assert_int_equal(store_job_get(rig->store, "", id, ret, &problem), 0);
         if (job_status_ended(ret->status))
             return;
         job_done(ret);
@@ -118,7 +118,7 @@ static void wait_status(struct rig *rig, const char *id, const char *status)
     for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(1)) {
         char *body = NULL;
         struct revision revision;
-        int found = queue_body(rig->queue, id, &body, &revision);
+        int found = queue_body(rig->queue, "", id, &body, &revision);
         bool hit = found == 0 && strstr(body, wanted) != NULL;
         free(body);
         if (hit)
@@ -192,7 +192,7 @@ static void test_queue__jobs_queued_and_running_are_bounded(void **state)
     assert_int_equal(queue_admits(rig->queue, &problem), -1);
     assert_int_equal(submit(rig, text, first, &problem), -1);
     assert_int_equal(problem.code, PROBLEM_QUEUE_FULL);
-    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), 0);
+    assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), 0);
     free(body);
     assert_int_equal(submit(rig, text, id, &problem), 0);
     free(text);
@@ -210,14 +210,14 @@ static void test_queue__positions_count_from_one_and_move_up(void **state)
     wait_status(rig, running, "running");
     for (int i = 0; i < 3; i++)
         assert_int_equal(submit(rig, text, id[i], &problem), 0);
-    assert_int_equal(queue_body(rig->queue, id[2], &body, &revision), 0);
+    assert_int_equal(queue_body(rig->queue, "", id[2], &body, &revision), 0);
     assert_non_null(strstr(body, "\"queue_position\":3"));
     free(body);
-    assert_int_equal(queue_cancel(rig->queue, id[1], &body, &problem), 0);
+    assert_int_equal(queue_cancel(rig->queue, "", id[1], &body, &problem), 0);
     assert_non_null(strstr(body, "\"status\":\"canceled\"")); /* at once */
     free(body);
-    assert_int_equal(queue_body(rig->queue, id[1], &body, &revision), QUEUE_NONE);
-    assert_int_equal(queue_body(rig->queue, id[2], &body, &revision), 0);
+    assert_int_equal(queue_body(rig->queue, "", id[1], &body, &revision), QUEUE_NONE);
+    assert_int_equal(queue_body(rig->queue, "", id[2], &body, &revision), 0);
     assert_non_null(strstr(body, "\"queue_position\":2"));
     free(body);
     free(text);
@@ -234,7 +234,7 @@ static void test_queue__a_running_job_stops_soon_after_its_cancel(void **state)
     assert_int_equal(submit(rig, text, id, &problem), 0);
     wait_status(rig, id, "running");
     int64_t from = clock_monotonic_ms();
-    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), 0);
+    assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), 0);
     free(body);
     wait_end(rig, id, &job);
     assert_int_equal(job.status, JOB_CANCELED);
@@ -244,7 +244,7 @@ static void test_queue__a_running_job_stops_soon_after_its_cancel(void **state)
     job_done(&job);
     while (queue_running(rig->queue) > 0)
         pause_ms(1);
-    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), QUEUE_NONE);
+    assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), QUEUE_NONE);
     free(text);
     close_rig(rig);
 }
@@ -261,7 +261,7 @@ static void test_queue__a_cancel_that_the_store_never_matches_is_given_up(void *
     memcpy(job.id, id, sizeof id);
     job.revision.attempt = 1;
     assert_int_equal(store_job_requeue(rig->store, &job, &problem), 0); /* behind the queue's back */
-    assert_int_equal(queue_cancel(rig->queue, id, &body, &problem), -1);
+    assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), -1);
     assert_int_equal(problem.code, PROBLEM_STORAGE);
     free(text);
     close_rig(rig);
@@ -283,7 +283,7 @@ static void test_queue__draining_refuses_and_interrupting_puts_back(void **state
     assert_int_equal(problem.code, PROBLEM_DRAINING);
     close_rig(rig);
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
-    assert_int_equal(store_job_get(rig->store, running, &job, &problem), 0);
+    assert_int_equal(store_job_get(rig->store, "", running, &job, &problem), 0);
     assert_int_equal(job.status, JOB_QUEUED);
     assert_int_equal(job.revision.attempt, 2);
     assert_int_equal(job.crashes, 0);
@@ -349,7 +349,7 @@ static void test_queue__a_race_of_cancel_and_end_has_one_outcome(void **state)
     for (int i = 0; i < 40; i++) {
         assert_int_equal(submit(rig, text, id, &problem), 0);
         pause_ms((long)(2 * whole * i / 40));
-        int found = queue_cancel(rig->queue, id, &body, &problem);
+        int found = queue_cancel(rig->queue, "", id, &body, &problem);
         assert_true(found == 0 || found == QUEUE_NONE);
         if (found == 0)
             free(body);
@@ -374,11 +374,11 @@ static void test_queue__followers_see_states_progress_and_the_end_in_rising_orde
     char all[65536], chunk[512];
     size_t n = 0;
     open_rig(rig, 1, 10);
-    assert_int_equal(queue_follow(rig->queue, "00000000000000000000000000000000", (struct revision){0, 0},
+    assert_int_equal(queue_follow(rig->queue, "", "00000000000000000000000000000000", (struct revision){0, 0},
                                   NULL, NULL, &f, &problem),
                      QUEUE_NONE);
     assert_int_equal(submit(rig, text, id, &problem), 0);
-    int found = queue_follow(rig->queue, id, (struct revision){0, 0}, NULL, NULL, &f, &problem);
+    int found = queue_follow(rig->queue, "", id, (struct revision){0, 0}, NULL, NULL, &f, &problem);
     assert_int_equal(found, 0);
     for (;;) {
         ssize_t got = follower_pull(f, chunk, sizeof chunk);
@@ -408,6 +408,34 @@ static void test_queue__followers_see_states_progress_and_the_end_in_rising_orde
     close_rig(rig);
 }
 
+static void test_queue__a_job_is_not_here_for_another_owner(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct revision revision;
+    struct follower *follower;
+    struct job job = {.owner = "shop"};
+    char *text = long_job(), *body = NULL;
+    open_rig(rig, 1, 10);
+    id_new(job.id);
+    char id[ID_SIZE];
+    memcpy(id, job.id, sizeof id);
+    assert_int_equal(queue_submit(rig->queue, &job, text, strlen(text), &body, &problem), 0);
+    free(body);
+    free(text);
+    const char *const other[] = {"", "studio"};
+    for (size_t i = 0; i < sizeof other / sizeof *other; i++) {
+        assert_int_equal(queue_body(rig->queue, other[i], id, &body, &revision), QUEUE_NONE);
+        assert_int_equal(queue_cancel(rig->queue, other[i], id, &body, &problem), QUEUE_NONE);
+        assert_int_equal(
+            queue_follow(rig->queue, other[i], id, (struct revision){0, 0}, NULL, NULL, &follower, &problem),
+            QUEUE_NONE);
+    }
+    assert_int_equal(queue_cancel(rig->queue, "shop", id, &body, &problem), 0);
+    free(body);
+    close_rig(rig);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, rig_new, rig_free)
@@ -423,6 +451,7 @@ int main(void)
         TEST(test_queue__two_workers_end_every_job_once),
         TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),
         TEST(test_queue__followers_see_states_progress_and_the_end_in_rising_order),
+        TEST(test_queue__a_job_is_not_here_for_another_owner),
     };
     id_init();
     log_open(LOG_LEVEL_ERROR);

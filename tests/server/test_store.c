@@ -33,7 +33,7 @@ static void add_job(struct store *store, struct job *ret)
 static void get_job(struct store *store, const char *id, struct job *ret)
 {
     struct problem problem;
-    assert_int_equal(store_job_get(store, id, ret, &problem), 0);
+    assert_int_equal(store_job_get(store, "", id, ret, &problem), 0);
 }
 
 struct found {
@@ -118,29 +118,142 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
     store_close(store);
 }
 
-/* Version 1 had no warnings. */
-static void test_store__a_folder_of_the_first_version_is_read_on(void **state)
+/* The database as version 1 or 2 made it, with `rows` in it. */
+static void make_old_database(const char *dir, int version, const char *rows)
+{
+    char path[256], pragma[64];
+    sqlite3 *db;
+    snprintf(path, sizeof path, "%s/draped.db", dir);
+    snprintf(pragma, sizeof pragma, "PRAGMA user_version=%d;", version);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    const char *sql[] = {
+        "CREATE TABLE job(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
+        " status TEXT NOT NULL, verdict TEXT NOT NULL, attempt INTEGER NOT NULL, counter INTEGER NOT NULL,"
+        " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
+        " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
+        " report TEXT, error TEXT);"
+        "CREATE INDEX job_status ON job(status, seq);"
+        "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, at_ms INTEGER NOT "
+        "NULL);"
+        "CREATE TABLE mesh(sha256 TEXT PRIMARY KEY, format INTEGER NOT NULL, bytes INTEGER NOT NULL,"
+        " vertices INTEGER NOT NULL, triangles INTEGER NOT NULL, created_ms INTEGER NOT NULL) WITHOUT ROWID;",
+        version >= 2 ? "ALTER TABLE job ADD COLUMN warnings TEXT;" : "",
+        pragma,
+        rows,
+    };
+    for (size_t i = 0; i < sizeof sql / sizeof *sql; i++)
+        assert_int_equal(sqlite3_exec(db, sql[i], NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+}
+
+#define OLD_ID      "00000000000000000000000000000001"
+#define OLD_GONE    "00000000000000000000000000000002"
+#define OLD_DIGEST  "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+#define OLD_COLUMNS "id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,name"
+#define OLD_ROWS                                                                                             \
+    "INSERT INTO job(" OLD_COLUMNS ") VALUES('" OLD_ID "','queued','',2,3,1,0,4,0,0,'old');"                 \
+    "INSERT INTO gone(id,at_ms) VALUES('" OLD_GONE "',5);"                                                   \
+    "INSERT INTO mesh VALUES('" OLD_DIGEST "',1,3,4,5,6);"
+
+/* Version 1 had no warnings; version 2 no owners: what it kept is that of a daemon without keys. */
+static void test_store__a_folder_of_an_earlier_version_is_read_on(void **state)
+{
+    struct problem problem;
+    struct job back;
+    struct found found;
+    struct store_mesh mesh;
+    for (int version = 1; version <= 2; version++) {
+        char path[256];
+        make_old_database(*state, version, OLD_ROWS);
+        for (int open = 0; open < 2; open++) { /* the second time there is nothing to do */
+            struct store *store = open_store(*state);
+            get_job(store, OLD_ID, &back);
+            assert_string_equal(back.name, "old");
+            assert_string_equal(back.owner, "");
+            assert_int_equal(back.priority, JOB_PRIORITY_NORMAL);
+            assert_int_equal(back.revision.attempt, 2);
+            assert_int_equal(back.revision.counter, 3);
+            assert_int_equal(back.crashes, 1);
+            assert_null(back.warnings);
+            job_done(&back);
+            assert_int_equal(store_job_get(store, "", OLD_GONE, &back, &problem), STORE_GONE);
+            assert_int_equal(store_job_get(store, "shop", OLD_ID, &back, &problem), STORE_NONE);
+            assert_int_equal(store_mesh_get(store, "", OLD_DIGEST, &mesh, &problem), 0);
+            assert_int_equal(mesh.bytes, 3);
+            assert_int_equal(mesh.vertices, 4);
+            assert_int_equal(mesh.triangles, 5);
+            assert_int_equal(store_mesh_get(store, "shop", OLD_DIGEST, &mesh, &problem), STORE_NONE);
+            assert_int_equal(recover(store, &found), 1);
+            store_close(store);
+        }
+        snprintf(path, sizeof path, "%s/draped.db", (char *)*state);
+        assert_int_equal(remove(path), 0);
+    }
+}
+
+static void test_store__a_folder_of_a_later_version_is_left_alone(void **state)
+{
+    struct store *store = NULL;
+    struct problem problem;
+    char path[256];
+    sqlite3 *db;
+    snprintf(path, sizeof path, "%s/draped.db", (char *)*state);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, "PRAGMA user_version=4;", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+    assert_int_equal(store_open(*state, NULL, &store, &problem), -1);
+    assert_non_null(strstr(problem.detail, "another version (4)"));
+}
+
+/* Both have the same mesh, and a job each. */
+static void test_store__an_owner_finds_nothing_of_anothers(void **state)
 {
     struct store *store = open_store(*state);
     struct problem problem;
-    char command[512];
-    struct job back, job = {.revision = {1, 1}, .name = strdup("old")};
-    id_new(job.id);
-    assert_int_equal(store_job_add(store, &job, "[]", 2, &problem), 0);
-    store_close(store);
-    sqlite3 *db;
-    snprintf(command, sizeof command, "%s/draped.db", (char *)*state);
-    assert_int_equal(sqlite3_open(command, &db), SQLITE_OK);
-    assert_int_equal(
-        sqlite3_exec(db, "ALTER TABLE job DROP COLUMN warnings; PRAGMA user_version=1;", NULL, NULL, NULL),
-        SQLITE_OK);
-    sqlite3_close(db);
+    struct store_mesh mesh = {.format = 2, .bytes = 3, .vertices = 4, .triangles = 5}, back;
+    const char *const owner[] = {"shop", "studio"};
+    struct job job[2], got;
+    struct found found;
+    int64_t last;
+    bool more;
+    int fd;
+    sha256_hex("abc", 3, mesh.sha256);
+    assert_int_equal(store_mesh_add(store, owner[0], &mesh, "abc", 1, &problem), 0);
+    assert_int_equal(store_mesh_get(store, owner[1], mesh.sha256, &back, &problem), STORE_NONE);
+    assert_int_equal(store_mesh_open(store, owner[1], mesh.sha256, &back, &fd, &problem), STORE_NONE);
+    mesh.format = 3;
+    assert_int_equal(store_mesh_add(store, owner[1], &mesh, "abc", 1, &problem), 0);
+    assert_int_equal(count_entries(*state, "meshes"), 1);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(store_mesh_get(store, owner[i], mesh.sha256, &back, &problem), 0);
+        assert_int_equal(back.format, 2 + i);
+        job[i] = (struct job){.revision = {1, 1}, .priority = i ? JOB_PRIORITY_LOW : JOB_PRIORITY_HIGH};
+        id_new(job[i].id);
+        strcpy(job[i].owner, owner[i]);
+        assert_int_equal(store_job_add(store, &job[i], "{}", 2, &problem), 0);
+    }
+    store = store_close(store);
     store = open_store(*state);
-    get_job(store, job.id, &back);
-    assert_string_equal(back.name, "old");
-    assert_null(back.warnings);
-    job_done(&back);
-    job_done(&job);
+    assert_int_equal(recover(store, &found), 2); /* the queue takes them all */
+    for (int i = 0; i < 2; i++) {
+        struct store_filter filter = {.owner = owner[i], .status = -1, .before = INT64_MAX, .limit = 9};
+        assert_int_equal(store_job_get(store, owner[1 - i], job[i].id, &got, &problem), STORE_NONE);
+        assert_int_equal(store_job_get(store, "", job[i].id, &got, &problem), STORE_NONE);
+        assert_int_equal(store_job_get(store, owner[i], job[i].id, &got, &problem), 0);
+        assert_string_equal(got.owner, owner[i]);
+        assert_int_equal(got.priority, job[i].priority);
+        job_done(&got);
+        memset(&found, 0, sizeof found);
+        assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
+        assert_int_equal(found.count, 1);
+        assert_string_equal(found.last.id, job[i].id);
+    }
+    assert_int_equal(store_start_keep(store, owner[0], job[0].id, job[1].id, "f", &problem), STORE_NONE);
+    assert_int_equal(store_job_cancel_queued(store, &job[0], &problem), 0);
+    assert_int_equal(store_job_remove(store, owner[1], job[0].id, 1, &problem), STORE_NONE);
+    assert_int_equal(store_job_remove(store, owner[0], job[0].id, 1, &problem), 0);
+    assert_int_equal(store_job_get(store, owner[0], job[0].id, &got, &problem), STORE_GONE);
+    assert_int_equal(store_job_get(store, owner[1], job[0].id, &got, &problem), STORE_NONE);
     store_close(store);
 }
 
@@ -184,10 +297,10 @@ static void test_store__a_start_outlives_its_job_and_goes_with_the_one_that_need
     add_finished(store, "positions", &from);
     id_new(job.id);
     id_new(orphan.id);
-    assert_int_equal(store_start_keep(store, job.id, from.id, "positions", &problem), 0);
-    assert_int_equal(store_start_keep(store, orphan.id, from.id, "positions", &problem), 0);
+    assert_int_equal(store_start_keep(store, "", job.id, from.id, "positions", &problem), 0);
+    assert_int_equal(store_start_keep(store, "", orphan.id, from.id, "positions", &problem), 0);
     assert_int_equal(store_job_add(store, &job, "[]", 2, &problem), 0);
-    assert_int_equal(store_job_remove(store, from.id, 1, &problem), 0);
+    assert_int_equal(store_job_remove(store, "", from.id, 1, &problem), 0);
     store = store_close(store);
     store = open_store(*state);
     recover(store, &found);
@@ -208,13 +321,13 @@ static void test_store__a_start_needs_a_finished_job_with_that_file(void **state
     id_new(none);
     add_job(store, &queued);
     add_finished(store, "positions", &from);
-    assert_int_equal(store_start_keep(store, id, none, "positions", &problem), STORE_NONE);
-    assert_int_equal(store_start_keep(store, id, queued.id, "positions", &problem), STORE_UNFINISHED);
-    assert_int_equal(store_start_keep(store, id, from.id, "drape", &problem), STORE_WITHOUT);
+    assert_int_equal(store_start_keep(store, "", id, none, "positions", &problem), STORE_NONE);
+    assert_int_equal(store_start_keep(store, "", id, queued.id, "positions", &problem), STORE_UNFINISHED);
+    assert_int_equal(store_start_keep(store, "", id, from.id, "drape", &problem), STORE_WITHOUT);
     assert_int_equal(store_job_cancel_queued(store, &queued, &problem), 0);
-    assert_int_equal(store_start_keep(store, id, queued.id, "positions", &problem), STORE_WITHOUT);
-    assert_int_equal(store_job_remove(store, from.id, 1, &problem), 0);
-    assert_int_equal(store_start_keep(store, id, from.id, "positions", &problem), STORE_GONE);
+    assert_int_equal(store_start_keep(store, "", id, queued.id, "positions", &problem), STORE_WITHOUT);
+    assert_int_equal(store_job_remove(store, "", from.id, 1, &problem), 0);
+    assert_int_equal(store_start_keep(store, "", id, from.id, "positions", &problem), STORE_GONE);
     expect_start(store, id, false);
     store_close(store);
 }
@@ -404,15 +517,16 @@ static void test_store__removal_takes_the_files_and_leaves_a_tombstone(void **st
     struct problem problem;
     struct job job, back;
     add_job(store, &job);
-    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_NONE); /* it has not ended */
+    assert_int_equal(store_job_remove(store, "", job.id, 1, &problem), STORE_NONE); /* it has not ended */
     start_job(store, &job);
-    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_NONE);
+    assert_int_equal(store_job_remove(store, "", job.id, 1, &problem), STORE_NONE);
     job.status = JOB_SUCCEEDED;
     assert_int_equal(store_job_finish(store, &job, &problem), 0);
-    assert_int_equal(store_job_remove(store, job.id, 1, &problem), 0);
-    assert_int_equal(store_job_get(store, job.id, &back, &problem), STORE_GONE);
-    assert_int_equal(store_job_remove(store, job.id, 1, &problem), STORE_GONE);
-    assert_int_equal(store_job_get(store, "00000000000000000000000000000000", &back, &problem), STORE_NONE);
+    assert_int_equal(store_job_remove(store, "", job.id, 1, &problem), 0);
+    assert_int_equal(store_job_get(store, "", job.id, &back, &problem), STORE_GONE);
+    assert_int_equal(store_job_remove(store, "", job.id, 1, &problem), STORE_GONE);
+    assert_int_equal(store_job_get(store, "", "00000000000000000000000000000000", &back, &problem),
+                     STORE_NONE);
     assert_int_equal(count_entries(*state, "jobs"), 0);
     assert_int_equal(count_entries(*state, "results"), 0);
     store_close(store);
@@ -424,7 +538,7 @@ static void test_store__lists_come_in_pages_newest_first_and_filtered(void **sta
     struct problem problem;
     struct job job;
     struct found found = {0};
-    struct store_filter filter = {.status = -1, .before = INT64_MAX, .limit = 3};
+    struct store_filter filter = {.owner = "", .status = -1, .before = INT64_MAX, .limit = 3};
     char first[ID_SIZE] = "";
     int64_t last;
     bool more;
@@ -442,14 +556,14 @@ static void test_store__lists_come_in_pages_newest_first_and_filtered(void **sta
     assert_int_equal(pages, 3);
     assert_int_equal(found.count, 7);
     assert_string_equal(found.last.id, first);
-    filter = (struct store_filter){.status = JOB_RUNNING, .before = INT64_MAX, .limit = 3};
+    filter = (struct store_filter){.owner = "", .status = JOB_RUNNING, .before = INT64_MAX, .limit = 3};
     found.count = 0;
     assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
     assert_int_equal(found.count, 0);
     struct job labelled = {.revision = {1, 1}, .labels = strdup("{\"order\":\"4711\",\"x\":\"y\"}")};
     id_new(labelled.id);
     assert_int_equal(store_job_add(store, &labelled, "{}", 2, &problem), 0);
-    filter = (struct store_filter){-1, "order", "4711", INT64_MAX, 3};
+    filter = (struct store_filter){"", -1, "order", "4711", INT64_MAX, 3};
     assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
     assert_int_equal(found.count, 1);
     assert_string_equal(found.last.id, labelled.id);
@@ -469,15 +583,15 @@ static void test_store__meshes_keep_their_first_bytes(void **state)
     char data[4] = "";
     sha256_hex("abc", 3, mesh.sha256);
     assert_string_equal(mesh.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-    assert_int_equal(store_mesh_get(store, mesh.sha256, &back, &problem), STORE_NONE);
-    assert_int_equal(store_mesh_open(store, mesh.sha256, &fd, &problem), STORE_NONE);
-    assert_int_equal(store_mesh_add(store, &mesh, "abc", 1, &problem), 0);
+    assert_int_equal(store_mesh_get(store, "", mesh.sha256, &back, &problem), STORE_NONE);
+    assert_int_equal(store_mesh_open(store, "", mesh.sha256, &back, &fd, &problem), STORE_NONE);
+    assert_int_equal(store_mesh_add(store, "", &mesh, "abc", 1, &problem), 0);
     mesh.vertices = 99;
-    assert_int_equal(store_mesh_add(store, &mesh, "abc", 2, &problem), 0);
-    assert_int_equal(store_mesh_get(store, mesh.sha256, &back, &problem), 0);
+    assert_int_equal(store_mesh_add(store, "", &mesh, "abc", 2, &problem), 0);
+    assert_int_equal(store_mesh_get(store, "", mesh.sha256, &back, &problem), 0);
     assert_int_equal(back.vertices, 4);
     assert_int_equal(back.format, 2);
-    assert_int_equal(store_mesh_open(store, mesh.sha256, &fd, &problem), 0);
+    assert_int_equal(store_mesh_open(store, "", mesh.sha256, &back, &fd, &problem), 0);
     assert_int_equal(read(fd, data, 4), 3);
     assert_string_equal(data, "abc");
     close(fd);
@@ -507,7 +621,7 @@ static void test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left(
     assert_int_equal(added_row, -1);
     assert_int_equal(code_row, PROBLEM_STORAGE);
     assert_int_equal(count_entries(*state, "jobs"), 0);
-    assert_int_equal(store_job_get(store, job.id, &back, &problem), STORE_NONE);
+    assert_int_equal(store_job_get(store, "", job.id, &back, &problem), STORE_NONE);
     assert_int_equal(store_job_add(store, &job, document, 5000, &problem), 0); /* normal once relieved */
     free(document);
     store_close(store);
@@ -542,7 +656,9 @@ int main(void)
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_new, scratch_free)
     const struct CMUnitTest tests[] = {
         TEST(test_store__a_job_comes_back_as_it_was_added),
-        TEST(test_store__a_folder_of_the_first_version_is_read_on),
+        TEST(test_store__a_folder_of_an_earlier_version_is_read_on),
+        TEST(test_store__a_folder_of_a_later_version_is_left_alone),
+        TEST(test_store__an_owner_finds_nothing_of_anothers),
         TEST(test_store__a_start_outlives_its_job_and_goes_with_the_one_that_needs_it),
         TEST(test_store__a_start_needs_a_finished_job_with_that_file),
         TEST(test_store__a_second_daemon_is_kept_out),
