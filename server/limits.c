@@ -34,4 +34,6 @@ const struct limits limits_default = {
     .streams = 128,
     /* Times body_bytes: 1 GiB of spool files, and a wait of a second or two for the parser. */
     .reading = 16,
+    /* A tenth of all places; fair share keeps the workers from being one key's; a thousand bodies. */
+    .key = {.queued = 100, .running = 256, .mesh_bytes = 1000000000},
 };

@@ -5,6 +5,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* What one API key may hold at a time; a key file may say other numbers for each of its keys. */
+struct quota {
+    uint64_t queued;     /* jobs that wait; 429 quota-queued */
+    uint64_t running;    /* the others wait */
+    uint64_t mesh_bytes; /* of uploaded meshes; 429 quota-meshes */
+};
+
+#define QUOTA_MAX_JOBS  1000000
+#define QUOTA_MAX_BYTES ((uint64_t)1 << 50)
+
 struct limits {
     size_t body_bytes;       /* one request body; 413 */
     size_t json_depth;       /* nesting of a job document; 400 */
@@ -23,6 +33,7 @@ struct limits {
     size_t connections;      /* API listener */
     size_t streams;          /* event streams; 429 */
     size_t reading;          /* whole bodies waiting to be parsed, or being parsed; 503 busy */
+    struct quota key;        /* of keys whose file says nothing else */
 };
 
 extern const struct limits limits_default;
