@@ -178,7 +178,7 @@ static void write_keys(const char *path, size_t count, char key[][KEY_TEXT_SIZE]
     assert_non_null(out);
     fputs("{\"keys\":[", out);
     for (size_t i = 0; i < count; i++) {
-        char name[16], *entry;
+        char name[32], *entry;
         snprintf(name, sizeof name, "owner%zu", i);
         assert_int_equal(keys_make(name, key[i], &entry), 0);
         fprintf(out, "%s%s", i ? "," : "", entry);
