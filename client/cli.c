@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "textfile.h"
+
 #define VERSION "drape 0.1.0"
 
 static const struct cli_command commands[] = {
@@ -26,11 +28,15 @@ static const struct cli_command commands[] = {
 
 /* ---- global options ------------------------------------------------------------------------------ */
 
-enum { OPTION_URL = 'u', OPTION_KEY = 0x100, OPTION_JSON };
+enum { OPTION_URL = 'u', OPTION_KEY = 0x100, OPTION_KEY_FILE, OPTION_JSON };
 
 static const struct argp_option global_options[] = {
     {"url", OPTION_URL, "URL", 0, "The server (else DRAPED_URL, else " CLI_DEFAULT_URL ")", 0},
-    {"key", OPTION_KEY, "KEY", 0, "Sent as a bearer token (else DRAPED_KEY; none by default)", 0},
+    {"key", OPTION_KEY, "KEY", 0,
+     "Sent as a bearer token (else DRAPED_KEY; none by default). Others on this machine can see it: use a "
+     "file",
+     0},
+    {"key-file", OPTION_KEY_FILE, "FILE", 0, "Holds the key (else DRAPED_KEY_FILE)", 0},
     {"json", OPTION_JSON, NULL, 0, "Print what the server said, as JSON, for scripts", 0},
     {"quiet", 'q', NULL, 0, "Show no progress and no summary", 0},
     {0},
@@ -45,6 +51,10 @@ static error_t parse_global(int key, char *argument, struct argp_state *state)
         return 0;
     case OPTION_KEY:
         cli->key = argument;
+        return 0;
+    case OPTION_KEY_FILE:
+        cli->key_file = argument;
+        cli->key = NULL;
         return 0;
     case OPTION_JSON:
         cli->json = true;
@@ -87,9 +97,36 @@ long cli_integer(struct argp_state *state, const char *option, const char *text,
     return value;
 }
 
+/* The first line of the key file, to be freed; 0, or -1 with *failure. */
+static int read_key(const char *path, char **ret, struct failure *failure)
+{
+    size_t bytes;
+    if (textfile_read(path, ret, &bytes, failure) < 0) {
+        return -1;
+    }
+    (*ret)[strcspn(*ret, "\r\n")] = '\0';
+    for (const char *c = *ret; *c; c++) {
+        if (*c <= ' ' || *c > '~') { /* else it could add to the request's head */
+            **ret = '\0';
+            break;
+        }
+    }
+    if (!**ret) {
+        free(*ret);
+        return failure_set(failure, EXIT_USAGE, "the first line of %s is no key", path);
+    }
+    return 0;
+}
+
 int cli_connect(const struct cli *cli, struct http **ret, struct failure *failure)
 {
-    return http_new(cli->url, cli->key, ret, failure);
+    char *key = NULL;
+    if (!cli->key && cli->key_file && read_key(cli->key_file, &key, failure) < 0) {
+        return -1;
+    }
+    int status = http_new(cli->url, cli->key ? cli->key : key, ret, failure);
+    free(key);
+    return status;
 }
 
 /* ---- the whole program --------------------------------------------------------------------------- */
@@ -205,7 +242,8 @@ static int run_command(const struct cli_command *command, struct cli *cli, int a
 int cli_run(int argc, char **argv)
 {
     struct invocation invocation = {.cli = {.url = from_environment("DRAPED_URL", CLI_DEFAULT_URL),
-                                            .key = from_environment("DRAPED_KEY", NULL)}};
+                                            .key = from_environment("DRAPED_KEY", NULL),
+                                            .key_file = from_environment("DRAPED_KEY_FILE", NULL)}};
     argp_program_version = VERSION;
     argp_err_exit_status = EXIT_USAGE;
     argp_parse(&top_argp, argc, argv, ARGP_IN_ORDER, NULL, &invocation);

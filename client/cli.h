@@ -11,8 +11,9 @@
 
 #define CLI_DEFAULT_URL "http://127.0.0.1:8080"
 
-struct cli {               /* what the global options say */
-    const char *url, *key; /* borrowed from the arguments or the environment; key may be NULL */
+struct cli { /* what the global options say */
+    const char *url, *key,
+        *key_file; /* borrowed from the arguments or the environment; the keys may be NULL */
     bool json, quiet;
 };
 

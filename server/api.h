@@ -14,6 +14,7 @@
 #include "fields.h"
 #include "http.h"
 #include "id.h"
+#include "keys.h"
 #include "metrics.h"
 #include "queue.h"
 #include "store.h"
@@ -22,6 +23,7 @@
 
 struct api { /* wired by main; outlives the listeners */
     const struct config *config;
+    struct keys *keys; /* NULL: none are needed, everything is the owner's "" */
     struct store *store;
     struct queue *queue;
     struct hub *hub;

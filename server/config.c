@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "drape.h"
 
@@ -18,6 +19,8 @@ enum flag {
     FLAG_LISTEN = 256, /* beyond the characters: there are no short flags */
     FLAG_ADMIN,
     FLAG_DATA,
+    FLAG_KEYS,
+    FLAG_MAKE_KEY,
     FLAG_WORKERS,
     FLAG_URL_FILE,
     FLAG_LOG_LEVEL,
@@ -39,6 +42,12 @@ static const struct argp_option options[] = {
     {"admin", FLAG_ADMIN, "HOST:PORT", 0, "Where health and metrics listen (127.0.0.1:8081)", 1},
     {"data", FLAG_DATA, "DIR", 0,
      "Folder of jobs, results and meshes ($STATE_DIRECTORY, else " CONFIG_DEFAULT_DATA ")", 1},
+    {"keys", FLAG_KEYS, "FILE", 0,
+     "Whom to serve: JSON of hashed API keys ($CREDENTIALS_DIRECTORY/" CONFIG_KEYS_CREDENTIAL
+     " where there is one; without, whoever is on this machine)",
+     1},
+    {"make-key", FLAG_MAKE_KEY, "NAME", 0, "Print a new key, and the entry to put in the file; then leave",
+     1},
     {"workers", FLAG_WORKERS, "N", 0, "Jobs solved at a time (the number of usable processors)", 1},
     {"url-file", FLAG_URL_FILE, "PATH", 0, "Once ready, holds the API's URL and the admin URL, one a line",
      1},
@@ -138,11 +147,6 @@ int config_parse_address(const char *text, struct sockaddr_storage *ret, char *m
     } else {
         return refuse(message, message_size, "\"%s\" is neither localhost nor a numeric address", host);
     }
-    if (!is_loopback(&address))
-        return refuse(
-            message, message_size,
-            "%s is not a loopback address: without keys only this machine is served; put a proxy in front",
-            host);
     *ret = address;
     return 0;
 }
@@ -226,6 +230,12 @@ static int take_number(struct parse *parse, int key, const char *text)
     return 1;
 }
 
+/* 0, or -1: too long. */
+static int set_keys(struct config *config, const char *path)
+{
+    return snprintf(config->keys, sizeof config->keys, "%s", path) < (int)sizeof config->keys ? 0 : -1;
+}
+
 static int take_flag(struct parse *parse, int key, char *text)
 {
     struct config *config = parse->config;
@@ -238,6 +248,13 @@ static int take_flag(struct parse *parse, int key, char *text)
     case FLAG_DATA:
         config->data = text;
         return text[0] != '\0' ? 0 : refuse(parse->message, parse->message_size, "--data needs a folder");
+    case FLAG_KEYS:
+        return set_keys(config, text) == 0 && text[0] != '\0'
+                   ? 0
+                   : refuse(parse->message, parse->message_size, "--keys needs a path");
+    case FLAG_MAKE_KEY:
+        config->make_key = text;
+        return 0;
     case FLAG_URL_FILE:
         config->url_file = text;
         return text[0] != '\0' ? 0 : refuse(parse->message, parse->message_size, "--url-file needs a path");
@@ -279,6 +296,16 @@ static unsigned usable_processors(void)
     return count < 1 ? 1 : count > CONFIG_MAX_WORKERS ? CONFIG_MAX_WORKERS : (unsigned)count;
 }
 
+static void set_default_keys(struct config *config)
+{
+    const char *credentials = getenv("CREDENTIALS_DIRECTORY");
+    char path[CONFIG_PATH_SIZE];
+    if (credentials != NULL &&
+        snprintf(path, sizeof path, "%s/" CONFIG_KEYS_CREDENTIAL, credentials) < (int)sizeof path &&
+        access(path, F_OK) == 0)
+        set_keys(config, path);
+}
+
 static void set_defaults(struct config *config)
 {
     const char *state = getenv("STATE_DIRECTORY");
@@ -292,6 +319,21 @@ static void set_defaults(struct config *config)
     };
     config_parse_address("127.0.0.1:8080", &config->listen, NULL, 0);
     config_parse_address("127.0.0.1:8081", &config->admin, NULL, 0);
+    set_default_keys(config);
+}
+
+/* What is wrong with no flag alone. */
+static int check_together(const struct config *config, char *message, size_t message_size)
+{
+    if (config->keys[0] == '\0' && !(is_loopback(&config->listen) && is_loopback(&config->admin)))
+        return refuse(message, message_size,
+                      "%s is not a loopback address: without --keys only this machine is served",
+                      is_loopback(&config->listen) ? "--admin" : "--listen");
+    /* Streams alone must not shut everybody else out. */
+    if (config->limits.streams >= config->limits.connections)
+        return refuse(message, message_size, "--max-streams (%zu) must be below --max-connections (%zu)",
+                      config->limits.streams, config->limits.connections);
+    return 0;
 }
 
 int config_parse(int argc, char **argv, struct config *ret, char *message, size_t message_size)
@@ -301,7 +343,7 @@ int config_parse(int argc, char **argv, struct config *ret, char *message, size_
         .parser = on_option,
         .doc = "draped: finds how garments hang at rest, and serves it over HTTP.\v"
                "SIGTERM stops it in order: running jobs get the drain timeout to finish and then go back to "
-               "the queue; a second SIGTERM sends them back at once.",
+               "the queue; a second SIGTERM sends them back at once. SIGHUP reads the key file again.",
     };
     struct config config;
     struct parse parse = {&config, message, message_size};
@@ -310,12 +352,8 @@ int config_parse(int argc, char **argv, struct config *ret, char *message, size_
     int error = argp_parse(&argp, argc, argv, 0, NULL, &parse);
     if (error == ENOMEM)
         return refuse(message, message_size, "out of memory");
-    if (error != 0)
+    if (error != 0 || check_together(&config, message, message_size) != 0)
         return -1;
-    /* Streams alone must not shut everybody else out. */
-    if (config.limits.streams >= config.limits.connections)
-        return refuse(message, message_size, "--max-streams (%zu) must be below --max-connections (%zu)",
-                      config.limits.streams, config.limits.connections);
     *ret = config;
     return 0;
 }

@@ -66,12 +66,25 @@ static void tick(struct server *s)
     measure(s, now);
 }
 
-/* Ticks, and waits up to `ms` for a signal; its number, or 0. */
+/* SIGHUP. */
+static void reload_keys(struct server *s)
+{
+    struct problem problem;
+    char why[LOG_QUOTE_SIZE];
+    if (s->api.keys != NULL && keys_reload(s->api.keys, &problem) != 0)
+        log_event(LOG_LEVEL_ERROR, "keys.refused", "why=%s", log_quote(problem.detail, why));
+}
+
+/* Ticks, and waits up to `ms` for a signal that ends us; its number, or 0. */
 static int wait_for_signal(struct server *s, int ms)
 {
     struct timespec t = {ms / 1000, ms % 1000 * 1000000L};
     tick(s);
     int signal_number = sigtimedwait(&s->signals, NULL, &t);
+    if (signal_number == SIGHUP) {
+        reload_keys(s);
+        return 0;
+    }
     return signal_number > 0 ? signal_number : 0;
 }
 
@@ -79,7 +92,8 @@ static int wait_for_signal(struct server *s, int ms)
 
 static int fail(const char *what, const char *why)
 {
-    log_event(LOG_LEVEL_ERROR, "start.failed", "what=%s why=\"%s\"", what, why);
+    char quoted[LOG_QUOTE_SIZE];
+    log_event(LOG_LEVEL_ERROR, "start.failed", "what=%s why=%s", what, log_quote(why, quoted));
     return -1;
 }
 
@@ -122,6 +136,9 @@ static int make_rooms(struct server *s)
         (api->waits = waits_new(&answers)) == NULL ||
         (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
         return fail("rooms", "out of memory");
+    if (s->config.keys[0] != '\0' &&
+        keys_open(s->config.keys, &s->config.limits.key, &api->keys, &problem) != 0)
+        return fail("keys", problem.detail);
     metrics_set(api->metrics, METRIC_START_TIME, (double)clock_wall_ms() / 1000);
     if (store_open(s->config.data, api->metrics, &api->store, &problem) != 0)
         return fail("store", problem.detail);
@@ -248,6 +265,7 @@ static void stop(struct server *s)
     api->hub = hub_free(api->hub);
     api->store = store_close(api->store);
     api->metrics = metrics_free(api->metrics);
+    api->keys = keys_free(api->keys);
 }
 
 /* ---- main -----------------------------------------------------------------------------------------------
@@ -259,8 +277,23 @@ static void block_signals(struct server *s)
     sigemptyset(&s->signals);
     sigaddset(&s->signals, SIGTERM);
     sigaddset(&s->signals, SIGINT);
+    sigaddset(&s->signals, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &s->signals, NULL);
     signal(SIGPIPE, SIG_IGN);
+}
+
+/* The key and its entry, a line each; this is the only time that anybody sees the key. */
+static int make_key(const char *name)
+{
+    char key[KEY_TEXT_SIZE], *entry;
+    if (id_init() != 0 || keys_make(name, key, &entry) != 0) {
+        fprintf(stderr, "draped: a key's name has 1 to %d letters, digits, dots, hyphens or underscores\n",
+                KEY_NAME_SIZE - 1);
+        return EXIT_USAGE;
+    }
+    printf("%s\n%s\n", key, entry);
+    free(entry);
+    return fflush(stdout) == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
 int main(int argc, char **argv)
@@ -271,6 +304,8 @@ int main(int argc, char **argv)
         fprintf(stderr, "draped: %s\nTry `draped --help' for more information.\n", message);
         return EXIT_USAGE;
     }
+    if (server.config.make_key != NULL)
+        return make_key(server.config.make_key);
     log_open(server.config.log_level);
     block_signals(&server);
     int failed = start(&server);

@@ -15,6 +15,7 @@ enum problem_code {
     PROBLEM_BAD_JSON,           /* 400: not JSON; detail has line and column */
     PROBLEM_BAD_CURSOR,         /* 400 */
     PROBLEM_DIGEST_MISMATCH,    /* 400: the body's SHA-256 is not the one in the path */
+    PROBLEM_UNAUTHORIZED,       /* 401 */
     PROBLEM_NOT_FOUND,          /* 404 */
     PROBLEM_METHOD_NOT_ALLOWED, /* 405 */
     PROBLEM_NOT_ACCEPTABLE,     /* 406 */
@@ -27,6 +28,8 @@ enum problem_code {
     PROBLEM_UNSUPPORTED,        /* 422: in the contract, not in this version; errors[] has pointers */
     PROBLEM_TOO_LARGE,          /* 422: a count over its limit; errors[] has pointers */
     PROBLEM_TOO_MANY_STREAMS,   /* 429 */
+    PROBLEM_QUOTA_QUEUED,       /* 429: the key's share of the queue */
+    PROBLEM_QUOTA_MESHES,       /* 429: the key's bytes of meshes */
     PROBLEM_INTERNAL,           /* 500 */
     PROBLEM_QUEUE_FULL,         /* 503 */
     PROBLEM_DRAINING,           /* 503 */

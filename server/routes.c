@@ -156,6 +156,29 @@ static void refuse_route(struct call *call, const char *allow)
     http_send(call->request, answer);
 }
 
+/* Finds the owner; the documents of the interface are for everybody. Paths and methods that are none need a
+ * key, too: what there is, is nobody else's business. A preflight cannot bring one. */
+static bool authorized(enum routes_side side, struct call *call)
+{
+    if (call->api->keys == NULL || side != ROUTES_API || strcmp(http_method(call->request), "OPTIONS") == 0 ||
+        (call->route != NULL &&
+         (call->route->handler == about_root || call->route->handler == about_openapi)))
+        return true;
+    return keys_owner(call->api->keys, http_header(call->request, "Authorization"), call->owner);
+}
+
+static void refuse_stranger(struct call *call)
+{
+    bool given = http_header(call->request, "Authorization") != NULL;
+    struct problem problem;
+    problem_set(&problem, PROBLEM_UNAUTHORIZED,
+                given ? "The key is not one of this server's." : "Send a key: Authorization: Bearer <key>.");
+    struct http_answer *answer = http_answer_problem(call->request, &problem);
+    /* RFC 6750, section 3: without credentials no error is told of. */
+    http_answer_header(answer, "WWW-Authenticate", "Bearer%s", given ? " error=\"invalid_token\"" : "");
+    http_send(call->request, answer);
+}
+
 /* What can be refused before a body is read; 0, or -1 with *reterr. */
 static int check_body_head(const struct call *call, struct problem *reterr)
 {
@@ -193,7 +216,9 @@ void routes_begin(struct http_request *request, void *data)
     http_set_context(request, call);
     call->route =
         find_route(routes->side, http_method(request), http_path(request), call->id, allow, sizeof allow);
-    if (call->route == NULL)
+    if (!authorized(routes->side, call))
+        refuse_stranger(call);
+    else if (call->route == NULL)
         refuse_route(call, allow);
     else if (call->route->body == NO_BODY)
         return;

@@ -1,5 +1,5 @@
 /* test_config.c - flags, and what is refused at the command line. */
-#include "test.h"
+#include "scratch.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -23,6 +23,7 @@ static void test_config__no_flags_give_the_documented_defaults(void **state)
 {
     (void)state;
     unsetenv("STATE_DIRECTORY");
+    unsetenv("CREDENTIALS_DIRECTORY");
     assert_int_equal(parse(NULL, NULL), 0);
     const struct sockaddr_in *listen = (const struct sockaddr_in *)&config.listen;
     const struct sockaddr_in *admin = (const struct sockaddr_in *)&config.admin;
@@ -33,6 +34,8 @@ static void test_config__no_flags_give_the_documented_defaults(void **state)
     assert_true(config.workers >= 1);
     assert_int_equal(config.drain_seconds, 10);
     assert_null(config.url_file);
+    assert_null(config.make_key);
+    assert_string_equal(config.keys, "");
     assert_memory_equal(&config.limits, &limits_default, sizeof limits_default);
 }
 
@@ -43,6 +46,24 @@ static void test_config__the_folder_of_a_service_is_systemds(void **state)
     assert_int_equal(parse(NULL, NULL), 0);
     assert_string_equal(config.data, "/var/lib/draped");
     unsetenv("STATE_DIRECTORY");
+}
+
+static void test_config__the_keys_of_a_service_are_its_credential(void **state)
+{
+    char path[600], file[700];
+    snprintf(path, sizeof path, "%s", (char *)*state);
+    snprintf(file, sizeof file, "%s/keys", path);
+    setenv("CREDENTIALS_DIRECTORY", path, 1);
+    assert_int_equal(parse(NULL, NULL), 0);
+    assert_string_equal(config.keys, ""); /* it has none of that name */
+    FILE *out = fopen(file, "w");
+    assert_non_null(out);
+    fclose(out);
+    assert_int_equal(parse("--listen=0.0.0.0:80", NULL), 0);
+    assert_string_equal(config.keys, file);
+    assert_int_equal(parse("--keys=/else/where", NULL), 0);
+    assert_string_equal(config.keys, "/else/where");
+    unsetenv("CREDENTIALS_DIRECTORY");
 }
 
 static void test_config__each_flag_sets_its_own_member(void **state)
@@ -86,6 +107,15 @@ static void test_config__without_keys_only_loopback_is_served(void **state)
     assert_int_equal(parse("--listen=127.255.0.1:1", NULL), 0);
 }
 
+static void test_config__with_keys_any_address_is_served(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("--keys=k.json", "--listen=0.0.0.0:8080"), 0);
+    assert_string_equal(config.keys, "k.json");
+    assert_int_equal(parse("--listen=[::]:0", "--keys=k.json"), 0); /* in either order */
+    assert_int_equal(parse("--admin=192.0.2.1:0", "--keys=k.json"), 0);
+}
+
 static void test_config__addresses_that_are_none_are_refused(void **state)
 {
     (void)state;
@@ -124,6 +154,7 @@ static void test_config__numbers_out_of_range_are_refused(void **state)
                              "--max-queued=99999999999999999999",
                              "--log-level=loud",
                              "--data=",
+                             "--keys=",
                              "stray"};
     for (size_t i = 0; i < sizeof refused / sizeof *refused; i++) {
         assert_int_equal(parse(refused[i], NULL), -1);
@@ -143,8 +174,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_config__no_flags_give_the_documented_defaults),
         cmocka_unit_test(test_config__the_folder_of_a_service_is_systemds),
+        cmocka_unit_test_setup_teardown(test_config__the_keys_of_a_service_are_its_credential, scratch_new,
+                                        scratch_free),
         cmocka_unit_test(test_config__each_flag_sets_its_own_member),
         cmocka_unit_test(test_config__without_keys_only_loopback_is_served),
+        cmocka_unit_test(test_config__with_keys_any_address_is_served),
         cmocka_unit_test(test_config__addresses_that_are_none_are_refused),
         cmocka_unit_test(test_config__numbers_out_of_range_are_refused),
         cmocka_unit_test(test_config__streams_must_leave_connections_for_others),
