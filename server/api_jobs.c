@@ -158,6 +158,7 @@ static void wait_for_job(struct call *call, const char *id, struct revision seen
 static int fill_job(const struct job_spec *spec, struct job *ret)
 {
     id_new(ret->id);
+    ret->priority = spec->priority;
     if (spec->name[0] != '\0' && (ret->name = strdup(spec->name)) == NULL)
         return -1;
     if (spec->labels != NULL && (ret->labels = json_dumps(spec->labels, JSON_COMPACT)) == NULL)

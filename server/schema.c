@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "job.h"
 #include "materials.h"
 
 /* Names of labels; their values may be as long as a job's name. */
@@ -942,6 +943,9 @@ static const struct choice INTEGRATOR[] = {{"backward-euler", DRAPE_BACKWARD_EUL
 static const struct choice SELF_CONTACT[] = {
     {"auto", DRAPE_SELF_CONTACT_AUTO}, {"on", DRAPE_SELF_CONTACT_ON}, {"off", DRAPE_SELF_CONTACT_OFF}};
 
+static const struct choice PRIORITY[] = {
+    {"low", JOB_PRIORITY_LOW}, {"normal", JOB_PRIORITY_NORMAL}, {"high", JOB_PRIORITY_HIGH}};
+
 #define GET_CHOICE(r, object, pointer, member, table, ret)                                                   \
     get_choice(r, object, pointer, member, table, sizeof table / sizeof *table, ret)
 
@@ -1021,13 +1025,14 @@ static int read_solver(struct reader *r, const json_t *root)
 
 static int read_job(struct reader *r)
 {
-    static const char *const MEMBERS[] = {"name",         "labels",     "cloth",  "bodies",
-                                          "self_contact", "gravity",    "solver", "fit",
-                                          "lines",        "start_from", NULL};
+    static const char *const MEMBERS[] = {"name",         "labels",     "cloth",    "bodies",
+                                          "self_contact", "gravity",    "solver",   "fit",
+                                          "lines",        "start_from", "priority", NULL};
     json_t *root = r->json.root;
     int self_contact = (int)r->spec->scene.self_contact;
     if (check_object(r, root, "", MEMBERS) || read_start_from(r, root) || read_name(r, root) ||
-        read_labels(r, root) || GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
+        read_labels(r, root) || GET_CHOICE(r, root, "", "priority", PRIORITY, &r->spec->priority) ||
+        GET_CHOICE(r, root, "", "self_contact", SELF_CONTACT, &self_contact) ||
         get_vector(r, root, "", "gravity", false, r->spec->scene.gravity) || read_solver(r, root) ||
         read_boolean(r, root, "", "fit", &r->spec->options.fit) || read_cloth(r, root))
         return -1;

@@ -13,6 +13,7 @@
 struct job_spec {             /* owns everything it points to */
     char name[201];           /* "" when absent */
     json_t *labels;           /* object of strings, or NULL */
+    int priority;             /* enum job_priority of job.h; 0 when absent */
     char start_from[ID_SIZE]; /* the job at whose result this one begins; "": none */
     struct mesh cloth;        /* positions, triangles, pattern */
     uint32_t *seam, *pin, *triangle_material;

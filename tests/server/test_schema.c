@@ -359,6 +359,20 @@ static void test_schema__seams_labels_and_materials_by_triangle_are_read(void **
     job_spec_free(spec);
 }
 
+static void test_schema__priority_is_normal_unless_it_is_given(void **state)
+{
+    (void)state;
+    static const char *const given[] = {"\"low\"", "\"normal\"", "\"high\""};
+    for (int i = 0; i < 3; i++) {
+        struct job_spec *spec = parse_with("/priority", given[i]);
+        assert_int_equal(spec->priority, i - 1);
+        job_spec_free(spec);
+    }
+    struct job_spec *spec = parse_with("/name", "\"none\"");
+    assert_int_equal(spec->priority, 0);
+    job_spec_free(spec);
+}
+
 static void test_schema__self_contact_is_passed_on_but_not_to_plain_newton(void **state)
 {
     (void)state;
@@ -745,6 +759,8 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/solver/certify", "0", NULL},
         {"/solver/threads", "8", NULL},
         {"/name", "7", NULL},
+        {"/priority", "\"urgent\"", NULL},
+        {"/priority", "1", NULL},
         {"/start_from", "7", NULL},
         {"/start_from", "\"0123\"", NULL},
         {"/start_from", "\"0123456789ABCDEF0123456789ABCDEF\"", NULL},
@@ -1355,6 +1371,7 @@ int main(void)
         cmocka_unit_test(test_schema__wrong_curves_are_refused_at_their_place),
         cmocka_unit_test(test_schema__members_beside_a_preset_replace_its_own),
         cmocka_unit_test(test_schema__seams_labels_and_materials_by_triangle_are_read),
+        cmocka_unit_test(test_schema__priority_is_normal_unless_it_is_given),
         cmocka_unit_test(test_schema__self_contact_is_passed_on_but_not_to_plain_newton),
         cmocka_unit_test(test_schema__what_intersects_is_counted_and_placed),
         cmocka_unit_test(test_schema__lines_are_read_and_told_with_their_lengths),
