@@ -29,6 +29,7 @@ int revision_parse(const char *text, struct revision *ret); /* 0, or -1: not one
 int revision_compare(struct revision a, struct revision b); /* < 0, 0, > 0 */
 
 enum job_priority { JOB_PRIORITY_LOW = -1, JOB_PRIORITY_NORMAL, JOB_PRIORITY_HIGH };
+#define JOB_PRIORITIES 3
 
 const char *job_priority_name(int priority); /* "normal"; any other number counts as the nearest */
 
@@ -38,6 +39,7 @@ struct job { /* owns its texts; zero-initialise; job_done empties it */
     char id[ID_SIZE];
     char owner[KEY_NAME_SIZE]; /* the key that posted it; "": none was needed */
     int priority;              /* enum job_priority */
+    uint64_t memory;           /* bytes that its solve is expected to need; 0: not known */
     enum job_status status;
     char verdict[JOB_VERDICT_SIZE]; /* "": none yet */
     struct revision revision;

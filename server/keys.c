@@ -23,7 +23,7 @@ struct keys {
     char *path;
     struct quota defaults;
     pthread_mutex_t lock; /* guards the two below */
-    struct key *key;
+    struct key *key;      /* by name */
     size_t count;
 };
 
@@ -196,12 +196,18 @@ struct keys *keys_free(struct keys *keys)
     return NULL;
 }
 
+static int compare_names(const void *a, const void *b)
+{
+    return strcmp(((const struct key *)a)->name, ((const struct key *)b)->name);
+}
+
 int keys_reload(struct keys *keys, struct problem *reterr)
 {
     struct key *key;
     size_t count;
     if (load(keys->path, &keys->defaults, &key, &count, reterr) != 0)
         return -1;
+    qsort(key, count, sizeof *key, compare_names);
     pthread_mutex_lock(&keys->lock);
     struct key *old = keys->key;
     keys->key = key;
@@ -241,11 +247,11 @@ bool keys_owner(struct keys *keys, const char *authorization, char ret[KEY_NAME_
 
 struct quota keys_quota(struct keys *keys, const char *owner)
 {
-    struct quota quota = keys->defaults;
+    struct key wanted = {0};
+    memcpy(wanted.name, owner, strnlen(owner, sizeof wanted.name - 1));
     pthread_mutex_lock(&keys->lock);
-    for (size_t i = 0; i < keys->count; i++)
-        if (strcmp(keys->key[i].name, owner) == 0)
-            quota = keys->key[i].quota;
+    const struct key *found = bsearch(&wanted, keys->key, keys->count, sizeof wanted, compare_names);
+    struct quota quota = found != NULL ? found->quota : keys->defaults;
     pthread_mutex_unlock(&keys->lock);
     return quota;
 }

@@ -30,6 +30,7 @@ struct limits {
     uint32_t max_iterations; /* 422 */
     double time_limit_s;     /* 422 */
     size_t queued_jobs;      /* queued and running; 503 queue-full */
+    uint64_t memory;         /* bytes of all running jobs, as estimated; the others wait */
     size_t connections;      /* API listener */
     size_t streams;          /* event streams; 429 */
     size_t reading;          /* whole bodies waiting to be parsed, or being parsed; 503 busy */

@@ -71,8 +71,12 @@ static void reload_keys(struct server *s)
 {
     struct problem problem;
     char why[LOG_QUOTE_SIZE];
-    if (s->api.keys != NULL && keys_reload(s->api.keys, &problem) != 0)
+    if (s->api.keys == NULL)
+        return;
+    if (keys_reload(s->api.keys, &problem) != 0)
         log_event(LOG_LEVEL_ERROR, "keys.refused", "why=%s", log_quote(problem.detail, why));
+    else
+        queue_reconsider(s->api.queue);
 }
 
 /* Ticks, and waits up to `ms` for a signal that ends us; its number, or 0. */
@@ -142,8 +146,15 @@ static int make_rooms(struct server *s)
     metrics_set(api->metrics, METRIC_START_TIME, (double)clock_wall_ms() / 1000);
     if (store_open(s->config.data, api->metrics, &api->store, &problem) != 0)
         return fail("store", problem.detail);
-    struct queue_setup setup = {api->store,        api->hub,       api->metrics, &s->config.limits,
-                                s->config.workers, on_job_changed, api,          api->fields};
+    struct queue_setup setup = {.store = api->store,
+                                .hub = api->hub,
+                                .metrics = api->metrics,
+                                .limits = &s->config.limits,
+                                .keys = api->keys,
+                                .workers = s->config.workers,
+                                .changed = on_job_changed,
+                                .data = api,
+                                .fields = api->fields};
     api->queue = queue_new(&setup);
     /* Every connection may have one thing waiting at the clerk's, and a wait that expires. */
     api->clerk = executor_new("draped-clerk", s->config.limits.connections + 1);

@@ -9,6 +9,8 @@
 #include <time.h>
 
 #include "clock.h"
+#include "keys.h"
+#include "line.h"
 #include "log.h"
 #include "metrics.h"
 #include "solve.h"
@@ -24,14 +26,13 @@
  * far less than all of them, but a row that somebody else has changed would never match. */
 #define CANCEL_LOOKS 200
 
-struct item { /* a job that has not ended; in the tree, and in the line while it waits */
+struct item {           /* a job that has not ended; in the tree, and in the line while it waits */
+    struct place place; /* the first member: a place of the line is its item */
     struct job job;
     struct queue *queue;
     struct stream *stream;
-    struct item *prev, *next; /* in the line */
-    bool waiting;             /* in the line */
-    int64_t accepted_ms;      /* monotonic */
-    int64_t started_ms;       /* monotonic */
+    int64_t accepted_ms; /* monotonic */
+    int64_t started_ms;  /* monotonic */
     atomic_bool stop;
 };
 
@@ -40,8 +41,8 @@ struct queue {
     pthread_mutex_t lock; /* guards all below and all items */
     pthread_cond_t work;
     void *tree; /* of items by id: tsearch(3) */
-    struct item *first, *last;
-    size_t queued, running, reserved; /* reserved: being committed to the store */
+    struct line *line;
+    size_t queued, running; /* queued: with those that are being committed to the store */
     bool draining, interrupted;
     pthread_t *worker;
     unsigned workers;
@@ -62,38 +63,16 @@ static struct item *find(struct queue *queue, const char *owner, const char *id)
     return found == NULL || strcmp((*found)->job.owner, owner) != 0 ? NULL : *found;
 }
 
-/* 1 for the next to run; 0: not in the line. */
-static size_t position(const struct queue *queue, const struct item *item)
-{
-    size_t n = 1;
-    if (!item->waiting)
-        return 0;
-    for (const struct item *e = queue->first; e != item; e = e->next)
-        n++;
-    return n;
-}
-
 static char *body_of(const struct queue *queue, const struct item *item)
 {
-    return job_body(&item->job, position(queue, item));
+    return job_body(&item->job, line_position(queue->line, &item->place));
 }
 
-static void enter_line(struct queue *queue, struct item *item)
+/* A job more (1) or less (-1) that no worker has begun. */
+static void count_queued(struct queue *queue, struct item *item, int more)
 {
-    item->waiting = true;
-    item->next = NULL;
-    item->prev = queue->last;
-    *(queue->last != NULL ? &queue->last->next : &queue->first) = item;
-    queue->last = item;
-}
-
-static void leave_line(struct queue *queue, struct item *item)
-{
-    if (!item->waiting)
-        return;
-    item->waiting = false;
-    *(item->prev != NULL ? &item->prev->next : &queue->first) = item->next;
-    *(item->next != NULL ? &item->next->prev : &queue->last) = item->prev;
+    queue->queued += (size_t)more;
+    item->place.share->queued += (size_t)more;
 }
 
 static void free_item(struct item *item)
@@ -127,14 +106,16 @@ static void count_end(struct queue *queue, enum job_status status)
 /* The item's job has ended and the store knows: publishes that, forgets the item. */
 static void end_item(struct queue *queue, struct item *item)
 {
-    leave_line(queue, item);
+    line_leave(queue->line, &item->place);
     count_end(queue, item->job.status);
     publish(queue, item, STREAM_END);
     tdelete(item, &queue->tree, compare_items);
+    line_let_go(queue->line, item->place.share);
     free_item(item);
 }
 
-/* A new item with the texts of *job, which it takes; not in the tree yet. NULL when out of memory. */
+/* A new item with the texts of *job, which it takes; neither in the tree nor an owner's yet. NULL when out of
+ * memory. */
 static struct item *item_new(struct queue *queue, struct job *job)
 {
     struct item *item = calloc(1, sizeof *item);
@@ -145,8 +126,28 @@ static struct item *item_new(struct queue *queue, struct job *job)
     item->queue = queue;
     item->accepted_ms = clock_monotonic_ms();
     item->job = *job;
+    item->place.priority = job->priority < 0   ? JOB_PRIORITY_LOW
+                           : job->priority > 0 ? JOB_PRIORITY_HIGH
+                                               : JOB_PRIORITY_NORMAL;
+    item->place.memory = job->memory;
     memset(job, 0, sizeof *job);
     return item;
+}
+
+/* Makes it a queued job of its owner, in no line yet. 0, or -1 when out of memory. */
+static int own_item(struct queue *queue, struct item *item)
+{
+    item->place.share = line_hold(queue->line, item->job.owner);
+    if (item->place.share == NULL)
+        return -1;
+    count_queued(queue, item, 1);
+    return 0;
+}
+
+static void disown_item(struct queue *queue, struct item *item)
+{
+    count_queued(queue, item, -1);
+    line_let_go(queue->line, item->place.share);
 }
 
 /* 0, or -1 when out of memory. */
@@ -154,8 +155,7 @@ static int add_item(struct queue *queue, struct item *item)
 {
     if (tsearch(item, &queue->tree, compare_items) == NULL)
         return -1;
-    queue->queued++;
-    enter_line(queue, item);
+    line_enter(queue->line, &item->place, false);
     publish(queue, item, STREAM_STATE);
     pthread_cond_signal(&queue->work);
     return 0;
@@ -191,7 +191,7 @@ static struct item *start_job(struct queue *queue, struct job *job)
     pthread_mutex_lock(&queue->lock);
     struct item *item = result == STORE_NONE ? NULL : find(queue, job->owner, job->id);
     if (result == 0 && item != NULL) {
-        queue->queued--;
+        count_queued(queue, item, -1);
         queue->running++;
         item->started_ms = clock_monotonic_ms();
         item->job.status = JOB_RUNNING;
@@ -203,7 +203,7 @@ static struct item *start_job(struct queue *queue, struct job *job)
         metrics_observe(queue->setup.metrics, METRIC_QUEUE_SECONDS,
                         (double)(item->started_ms - item->accepted_ms) / 1000);
     } else if (item != NULL) {
-        enter_line(queue, item);
+        line_enter(queue->line, &item->place, true);
         item = NULL;
     }
     pthread_mutex_unlock(&queue->lock);
@@ -282,7 +282,7 @@ static void show_end(struct queue *queue, struct item *item)
     item->job.started_ms = 0;
     free(item->job.progress);
     item->job.progress = NULL;
-    queue->queued++;
+    count_queued(queue, item, 1);
     metrics_add(queue->setup.metrics, METRIC_JOBS_REQUEUED, 1);
     publish(queue, item, STREAM_STATE);
 }
@@ -344,19 +344,21 @@ static void *worker_main(void *arg)
 {
     struct queue *queue = arg;
     pthread_mutex_lock(&queue->lock);
-    for (;;) {
-        while (queue->first == NULL && !queue->draining)
+    while (!queue->draining) {
+        struct item *item = (struct item *)line_take(queue->line);
+        if (item == NULL) {
             pthread_cond_wait(&queue->work, &queue->lock);
-        if (queue->draining)
-            break;
-        struct item *item = queue->first;
-        leave_line(queue, item);
+            continue;
+        }
+        struct place place = item->place; /* the item may be gone when its worker has done with it */
         struct job job = {.status = JOB_RUNNING, .revision = item->job.revision};
         memcpy(job.id, item->job.id, sizeof job.id);
         memcpy(job.owner, item->job.owner, sizeof job.owner);
         pthread_mutex_unlock(&queue->lock);
         work_on(queue, &job);
         pthread_mutex_lock(&queue->lock);
+        line_give_back(queue->line, place.share, place.memory);
+        pthread_cond_broadcast(&queue->work); /* quota and memory may be there for more than one */
     }
     pthread_mutex_unlock(&queue->lock);
     return NULL;
@@ -367,7 +369,10 @@ static void *worker_main(void *arg)
 struct queue *queue_new(const struct queue_setup *setup)
 {
     struct queue *queue = calloc(1, sizeof *queue);
-    if (queue == NULL || (queue->worker = calloc(setup->workers, sizeof *queue->worker)) == NULL) {
+    if (queue == NULL || (queue->line = line_new(setup->keys, setup->limits)) == NULL ||
+        (queue->worker = calloc(setup->workers, sizeof *queue->worker)) == NULL) {
+        if (queue != NULL)
+            line_free(queue->line);
         free(queue);
         return NULL;
     }
@@ -385,10 +390,15 @@ static int restore(const struct job *job, void *data)
         return -1;
     struct item *item = item_new(queue, &copy);
     pthread_mutex_lock(&queue->lock);
-    int failed = item == NULL ? -1 : add_item(queue, item);
+    bool owned = item != NULL && own_item(queue, item) == 0;
+    bool entered = owned && add_item(queue, item) == 0;
+    if (owned && !entered)
+        disown_item(queue, item);
     pthread_mutex_unlock(&queue->lock);
+    if (item != NULL && !entered)
+        free_item(item);
     job_done(&copy);
-    return failed;
+    return entered ? 0 : -1;
 }
 
 int queue_start(struct queue *queue, struct problem *reterr)
@@ -410,22 +420,35 @@ int queue_start(struct queue *queue, struct problem *reterr)
 }
 
 /* Under the lock. */
-static int admits(const struct queue *queue, struct problem *reterr)
+static int admits(const struct queue *queue, const char *owner, struct problem *reterr)
 {
-    size_t limit = queue->setup.limits->queued_jobs;
+    size_t limit = queue->setup.limits->queued_jobs, queued = line_queued(queue->line, owner);
     if (queue->draining)
         return problem_set(reterr, PROBLEM_DRAINING, "The server is shutting down.");
-    if (queue->queued + queue->running + queue->reserved >= limit)
+    if (queue->queued + queue->running >= limit)
         return problem_set(reterr, PROBLEM_QUEUE_FULL, "All %zu places are taken.", limit);
-    return 0;
+    if (queue->setup.keys == NULL || queued < keys_quota(queue->setup.keys, owner).queued)
+        return 0;
+    return problem_set(reterr, PROBLEM_QUOTA_QUEUED, "%zu jobs of the key %s are queued.", queued, owner);
 }
 
-int queue_admits(struct queue *queue, struct problem *reterr)
+int queue_admits(struct queue *queue, const char *owner, struct problem *reterr)
 {
     pthread_mutex_lock(&queue->lock);
-    int result = admits(queue, reterr);
+    int result = admits(queue, owner, reterr);
     pthread_mutex_unlock(&queue->lock);
     return result;
+}
+
+/* Takes the item's place among the queued jobs, which it has from here on. 0, or -1 with *reterr. */
+static int reserve(struct queue *queue, struct item *item, struct problem *reterr)
+{
+    pthread_mutex_lock(&queue->lock);
+    int failed = admits(queue, item->job.owner, reterr);
+    if (!failed && own_item(queue, item) != 0)
+        failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    pthread_mutex_unlock(&queue->lock);
+    return failed;
 }
 
 int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
@@ -437,10 +460,7 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
     struct item *item = item_new(queue, job);
     if (item == NULL)
         return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    pthread_mutex_lock(&queue->lock);
-    int failed = admits(queue, reterr);
-    queue->reserved += !failed;
-    pthread_mutex_unlock(&queue->lock);
+    int failed = reserve(queue, item, reterr);
     if (failed) {
         store_start_drop(queue->setup.store, item->job.id);
         free_item(item);
@@ -448,9 +468,10 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
     }
     failed = store_job_add(queue->setup.store, &item->job, document, bytes, reterr);
     pthread_mutex_lock(&queue->lock);
-    queue->reserved--;
     bool entered = !failed && add_item(queue, item) == 0;
     char *body = entered ? body_of(queue, item) : NULL;
+    if (!entered)
+        disown_item(queue, item);
     pthread_mutex_unlock(&queue->lock);
     if (!entered)
         free_item(item);
@@ -527,8 +548,7 @@ static char *show_cancel(struct queue *queue, const struct job *job, bool ended)
         item->job.cancel = true;
         atomic_store(&item->stop, true);
         if (ended) {
-            leave_line(queue, item);
-            queue->queued--;
+            count_queued(queue, item, -1);
             item->job.status = JOB_CANCELED;
             item->job.finished_ms = job->finished_ms;
             item->job.revision = job->revision;
@@ -611,6 +631,7 @@ struct queue *queue_free(struct queue *queue)
     for (unsigned i = 0; i < queue->workers; i++)
         pthread_join(queue->worker[i], NULL);
     tdestroy(queue->tree, free_node);
+    line_free(queue->line);
     pthread_cond_destroy(&queue->work);
     pthread_mutex_destroy(&queue->lock);
     free(queue->worker);
@@ -618,13 +639,28 @@ struct queue *queue_free(struct queue *queue)
     return NULL;
 }
 
-void queue_measure(struct queue *queue)
+void queue_reconsider(struct queue *queue)
 {
     pthread_mutex_lock(&queue->lock);
-    double queued = (double)queue->queued, running = (double)queue->running;
-    double oldest =
-        queue->first == NULL ? 0 : (double)(clock_monotonic_ms() - queue->first->accepted_ms) / 1000;
+    pthread_cond_broadcast(&queue->work);
     pthread_mutex_unlock(&queue->lock);
+}
+
+static void find_oldest(const struct place *place, void *data)
+{
+    int64_t *oldest_ms = data, accepted_ms = ((const struct item *)place)->accepted_ms;
+    if (accepted_ms < *oldest_ms)
+        *oldest_ms = accepted_ms;
+}
+
+void queue_measure(struct queue *queue)
+{
+    int64_t now = clock_monotonic_ms(), oldest_ms = now;
+    pthread_mutex_lock(&queue->lock);
+    double queued = (double)queue->queued, running = (double)queue->running;
+    line_heads(queue->line, find_oldest, &oldest_ms);
+    pthread_mutex_unlock(&queue->lock);
+    double oldest = (double)(now - oldest_ms) / 1000;
     metrics_set(queue->setup.metrics, METRIC_JOBS_QUEUED, queued);
     metrics_set(queue->setup.metrics, METRIC_JOBS_RUNNING, running);
     metrics_set(queue->setup.metrics, METRIC_OLDEST_QUEUED, oldest);

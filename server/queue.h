@@ -1,4 +1,5 @@
-/* queue.h - the jobs that have not ended: a bounded line, the workers that solve them, their states.
+/* queue.h - the jobs that have not ended: how many there may be, the workers that solve them, their states.
+ * In which order they start is line.h's matter.
  *
  *   queued -> running -> succeeded | failed | canceled
  *
@@ -32,6 +33,7 @@ struct queue_setup {
     struct hub *hub;
     struct metrics *metrics;
     const struct limits *limits;
+    struct keys *keys; /* NULL: there are none, and no quotas */
     unsigned workers;
     /* After each change, in order, with the queue's lock held; `body` is lent. May be NULL. */
     void (*changed)(const char *id, struct revision revision, bool ended, const char *body, void *data);
@@ -44,8 +46,8 @@ struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of me
 /* Store. Takes over what an earlier daemon left, then starts the workers. 0, or -1 with *reterr. */
 int queue_start(struct queue *queue, struct problem *reterr);
 
-/* Whether a job would be taken now; 0, or -1 with *reterr (queue-full, draining). */
-int queue_admits(struct queue *queue, struct problem *reterr);
+/* Whether a job of `owner` would be taken now; 0, or -1 with *reterr (queue-full, quota-queued, draining). */
+int queue_admits(struct queue *queue, const char *owner, struct problem *reterr);
 
 /* Store. Takes the texts of *job (emptying it) whose id, owner, priority and texts are set, and what was kept
  * for it to start from. On success (0) the job is durable and *ret_body its body, which the caller frees. */
@@ -73,6 +75,8 @@ void queue_drain(struct queue *queue);
 unsigned queue_running(struct queue *queue);
 void queue_interrupt(struct queue *queue);
 struct queue *queue_free(struct queue *queue); /* waits for the workers; NULL is fine; returns NULL */
+
+void queue_reconsider(struct queue *queue); /* quotas may have changed: more may start now */
 
 void queue_measure(struct queue *queue); /* sets the gauges of metrics.h that it knows */
 

@@ -193,7 +193,7 @@ static int check_body_head(const struct call *call, struct problem *reterr)
             return problem_set(reterr, PROBLEM_UNSUPPORTED, "Idempotency-Key is not done in this version.");
         if (!negotiate_is_type(type, "application/json"))
             return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");
-        return queue_admits(call->api->queue, reterr);
+        return queue_admits(call->api->queue, call->owner, reterr);
     }
     if (type == NULL || mesh_format_from_media_type(type) < 0)
         return problem_set(reterr, PROBLEM_MEDIA_TYPE,

@@ -30,7 +30,7 @@
 
 #define JOB_COLUMNS                                                                                          \
     "seq,id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,"                \
-    "name,labels,progress,report,error,warnings,owner,priority"
+    "name,labels,progress,report,error,warnings,owner,priority,memory"
 
 enum statement {
     SQL_BEGIN = 0,
@@ -92,7 +92,7 @@ static const char create_sql[] =
     " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
     " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
     " report TEXT, error TEXT, warnings TEXT, owner TEXT NOT NULL, priority INTEGER NOT NULL,"
-    " bytes INTEGER NOT NULL);"
+    " memory INTEGER NOT NULL, bytes INTEGER NOT NULL);"
     "CREATE INDEX job_status ON job(status, seq);"
     "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
     " at_ms INTEGER NOT NULL, owner TEXT NOT NULL);" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE INDICES
@@ -105,6 +105,7 @@ static const char *const upgrade_sql[SCHEMA_VERSION] = {
     [2] =
         "ALTER TABLE job ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
         "ALTER TABLE job ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;"
+        "ALTER TABLE job ADD COLUMN memory INTEGER NOT NULL DEFAULT 0;"
         "ALTER TABLE job ADD COLUMN bytes INTEGER NOT NULL DEFAULT 0;"
         "ALTER TABLE gone ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
         "ALTER TABLE mesh RENAME TO mesh_2;" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE
@@ -116,14 +117,14 @@ static const char *const upgrade_sql[SCHEMA_VERSION] = {
 
 /* Parameters are numbered as bind_job gives them: id 1, attempt 2, counter 3, status 4, verdict 5,
  * started 6, finished 7, progress 8, report 9, error 10, crashes 11, cancel 12, created 13, name 14,
- * labels 15, warnings 16, owner 17, priority 18. */
+ * labels 15, warnings 16, owner 17, priority 18, memory 19. */
 static const char *const sql_text[STATEMENTS] = {
     [SQL_BEGIN] = "BEGIN IMMEDIATE",
     [SQL_COMMIT] = "COMMIT",
     [SQL_ROLLBACK] = "ROLLBACK",
     [SQL_JOB_ADD] = "INSERT INTO job(id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,"
-                    "finished_ms,name,labels,progress,report,error,warnings,owner,priority,bytes)"
-                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16,?17,?18,0)",
+                    "finished_ms,name,labels,progress,report,error,warnings,owner,priority,memory,bytes)"
+                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16,?17,?18,?19,0)",
     [SQL_JOB_START] = "UPDATE job SET status='running',counter=?3,started_ms=?6"
                       " WHERE id=?1 AND status='queued' AND attempt=?2",
     [SQL_JOB_CANCEL_QUEUED] = "UPDATE job SET status='canceled',counter=?3,finished_ms=?7,cancel=1"
@@ -241,7 +242,7 @@ static void bind_job(sqlite3_stmt *s, const struct job *job)
         sqlite3_bind_int64(s, 7, job->finished_ms);
     for (int i = 0; i < 3 && count >= 8 + i; i++)
         bind_text(s, 8 + i, text[i]);
-    if (count < 18)
+    if (count < 19)
         return;
     sqlite3_bind_int64(s, 11, job->crashes);
     sqlite3_bind_int64(s, 12, job->cancel);
@@ -251,6 +252,7 @@ static void bind_job(sqlite3_stmt *s, const struct job *job)
     bind_text(s, 16, job->warnings);
     bind_text(s, 17, job->owner);
     sqlite3_bind_int(s, 18, job->priority);
+    sqlite3_bind_int64(s, 19, (int64_t)job->memory);
 }
 
 /* Begins a transaction; 0 or -1. */
@@ -324,6 +326,7 @@ static int read_job(sqlite3_stmt *s, struct job *ret, int64_t *ret_seq)
     snprintf(job.verdict, sizeof job.verdict, "%s", verdict);
     snprintf(job.owner, sizeof job.owner, "%s", owner);
     job.priority = sqlite3_column_int(s, 18);
+    job.memory = (uint64_t)sqlite3_column_int64(s, 19);
     job.status = (enum job_status)number;
     job.revision.attempt = (uint32_t)sqlite3_column_int64(s, 4);
     job.revision.counter = (uint32_t)sqlite3_column_int64(s, 5);

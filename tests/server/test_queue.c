@@ -8,6 +8,7 @@
 
 #include "clock.h"
 #include "drape.h"
+#include "keys.h"
 #include "log.h"
 #include "metrics.h"
 #include "queue.h"
@@ -16,11 +17,14 @@
 struct rig {
     char *dir;
     struct limits limits;
+    uint64_t memory;   /* 0: no limit */
+    struct keys *keys; /* NULL: none */
     struct store *store;
     struct hub *hub;
     struct metrics *metrics;
     struct queue *queue;
     atomic_int changes, ends;
+    char started[1024]; /* ids in the order of starts, a blank behind each; with the queue's lock held */
 };
 
 static void on_changed(const char *id, struct revision revision, bool ended, const char *body, void *data)
@@ -32,6 +36,11 @@ static void on_changed(const char *id, struct revision revision, bool ended, con
         atomic_fetch_add(&rig->ends, 1);
     if (strstr(body, id) == NULL)
         abort();
+    if (strstr(body, "\"status\":\"running\"") != NULL && strstr(rig->started, id) == NULL &&
+        strlen(rig->started) + ID_SIZE < sizeof rig->started) {
+        strcat(rig->started, id);
+        strcat(rig->started, " ");
+    }
 }
 
 static void open_rig(struct rig *rig, unsigned workers, size_t queued)
@@ -39,11 +48,19 @@ static void open_rig(struct rig *rig, unsigned workers, size_t queued)
     struct problem problem;
     rig->limits = limits_default;
     rig->limits.queued_jobs = queued;
+    if (rig->memory > 0)
+        rig->limits.memory = rig->memory;
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
     rig->hub = hub_new(8);
     rig->metrics = metrics_new();
-    struct queue_setup setup = {rig->store, rig->hub,   rig->metrics, &rig->limits,
-                                workers,    on_changed, rig,          NULL};
+    struct queue_setup setup = {.store = rig->store,
+                                .hub = rig->hub,
+                                .metrics = rig->metrics,
+                                .limits = &rig->limits,
+                                .keys = rig->keys,
+                                .workers = workers,
+                                .changed = on_changed,
+                                .data = rig};
     rig->queue = queue_new(&setup);
     assert_non_null(rig->queue);
     assert_int_equal(queue_start(rig->queue, &problem), 0);
@@ -53,6 +70,7 @@ static void close_rig(struct rig *rig)
 {
     queue_interrupt(rig->queue);
     rig->queue = queue_free(rig->queue);
+    rig->keys = keys_free(rig->keys);
     rig->hub = hub_free(rig->hub);
     rig->metrics = metrics_free(rig->metrics);
     rig->store = store_close(rig->store);
@@ -76,9 +94,9 @@ static int rig_free(void **state)
     return scratch_free(&dir);
 }
 
-static int submit(struct rig *rig, const char *document, char id[ID_SIZE], struct problem *problem)
+static int submit_as(struct rig *rig, struct job job, const char *document, char id[ID_SIZE],
+                     struct problem *problem)
 {
-    struct job job = {0};
     char *body = NULL;
     id_new(job.id);
     memcpy(id, job.id, ID_SIZE);
@@ -92,6 +110,11 @@ static int submit(struct rig *rig, const char *document, char id[ID_SIZE], struc
     return result;
 }
 
+static int submit(struct rig *rig, const char *document, char id[ID_SIZE], struct problem *problem)
+{
+    return submit_as(rig, (struct job){0}, document, id, problem);
+}
+
 static void pause_ms(long ms)
 {
     struct timespec t = {ms / 1000, ms % 1000 * 1000000L};
@@ -99,16 +122,21 @@ static void pause_ms(long ms)
 }
 
 /* Waits until the job has ended and gives its row; fails after a minute. */
-static void wait_end(struct rig *rig, const char *id, struct job *ret)
+static void wait_end_of(struct rig *rig, const char *owner, const char *id, struct job *ret)
 {
     struct problem problem;
     for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(2)) {
-        assert_int_equal(store_job_get(rig->store, "", id, ret, &problem), 0);
+        assert_int_equal(store_job_get(rig->store, owner, id, ret, &problem), 0);
         if (job_status_ended(ret->status))
             return;
         job_done(ret);
     }
     fail_msg("job %s did not end", id);
+}
+
+static void wait_end(struct rig *rig, const char *id, struct job *ret)
+{
+    wait_end_of(rig, "", id, ret);
 }
 
 static void wait_status(struct rig *rig, const char *id, const char *status)
@@ -187,9 +215,9 @@ static void test_queue__jobs_queued_and_running_are_bounded(void **state)
     open_rig(rig, 1, 2);
     assert_int_equal(submit(rig, text, first, &problem), 0);
     wait_status(rig, first, "running");
-    assert_int_equal(queue_admits(rig->queue, &problem), 0);
+    assert_int_equal(queue_admits(rig->queue, "", &problem), 0);
     assert_int_equal(submit(rig, text, id, &problem), 0);
-    assert_int_equal(queue_admits(rig->queue, &problem), -1);
+    assert_int_equal(queue_admits(rig->queue, "", &problem), -1);
     assert_int_equal(submit(rig, text, first, &problem), -1);
     assert_int_equal(problem.code, PROBLEM_QUEUE_FULL);
     assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), 0);
@@ -436,6 +464,130 @@ static void test_queue__a_job_is_not_here_for_another_owner(void **state)
     close_rig(rig);
 }
 
+/* ---- owners ------------------------------------------------------------------------------------------ */
+
+/* Keys of the owners a and b; the rig opened afterwards has them. */
+static void open_keys(struct rig *rig, const char *quotas_of_a)
+{
+    struct problem problem;
+    char path[512];
+    snprintf(path, sizeof path, "%s/keys.json", rig->dir);
+    FILE *out = fopen(path, "w");
+    assert_non_null(out);
+    fprintf(out, "{\"keys\":[{\"name\":\"a\",\"sha256\":\"%064d\"%s},{\"name\":\"b\",\"sha256\":\"%064d\"}]}",
+            1, quotas_of_a, 2);
+    assert_int_equal(fclose(out), 0);
+    if (rig->keys != NULL)
+        assert_int_equal(keys_reload(rig->keys, &problem), 0);
+    else
+        assert_int_equal(keys_open(path, &limits_default.key, &rig->keys, &problem), 0);
+}
+
+static const struct job job_of_a = {.owner = "a"}, job_of_b = {.owner = "b"};
+
+static void cancel(struct rig *rig, const char *owner, const char *id)
+{
+    struct problem problem;
+    char *body;
+    if (queue_cancel(rig->queue, owner, id, &body, &problem) == 0)
+        free(body);
+}
+
+static void test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    char running[ID_SIZE], id[2][ID_SIZE], more[ID_SIZE], *text = long_job();
+    open_keys(rig, ",\"queued\":2");
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit_as(rig, job_of_a, text, running, &problem), 0);
+    for (int64_t limit = clock_monotonic_ms() + 60000; queue_running(rig->queue) == 0; pause_ms(1))
+        assert_true(clock_monotonic_ms() < limit);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(queue_admits(rig->queue, "a", &problem), 0);
+        assert_int_equal(submit_as(rig, job_of_a, text, id[i], &problem), 0);
+    }
+    assert_int_equal(queue_admits(rig->queue, "a", &problem), -1);
+    assert_int_equal(submit_as(rig, job_of_a, text, more, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_QUOTA_QUEUED);
+    assert_int_equal(queue_admits(rig->queue, "b", &problem), 0);
+    cancel(rig, "a", id[0]);
+    assert_int_equal(submit_as(rig, job_of_a, text, more, &problem), 0);
+    assert_int_equal(queue_admits(rig->queue, "a", &problem), -1);
+    free(text);
+    close_rig(rig);
+}
+
+static void test_queue__a_job_past_its_keys_running_quota_waits_beside_an_idle_worker(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    char a[2][ID_SIZE], b[ID_SIZE], order[3 * ID_SIZE + 1], *text = long_job();
+    open_keys(rig, ",\"running\":1");
+    open_rig(rig, 3, 10);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(submit_as(rig, job_of_a, text, a[i], &problem), 0);
+    assert_int_equal(submit_as(rig, job_of_b, text, b, &problem), 0);
+    for (int64_t limit = clock_monotonic_ms() + 60000; queue_running(rig->queue) < 2; pause_ms(1))
+        assert_true(clock_monotonic_ms() < limit);
+    pause_ms(50);
+    assert_int_equal(queue_running(rig->queue), 2);
+    open_keys(rig, ",\"running\":2");
+    queue_reconsider(rig->queue);
+    for (int64_t limit = clock_monotonic_ms() + 60000; queue_running(rig->queue) < 3; pause_ms(1))
+        assert_true(clock_monotonic_ms() < limit);
+    snprintf(order, sizeof order, "%s ", a[1]);
+    assert_string_equal(rig->started + 2 * ID_SIZE, order); /* the last of the three */
+    free(text);
+    close_rig(rig);
+}
+
+/* The three of one owner are there first; the one of another does not wait for them all. */
+static void test_queue__owners_take_turns_and_priorities_go_first_among_ones_own(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job, low = {.owner = "a", .priority = JOB_PRIORITY_LOW},
+                    high = {.owner = "a", .priority = JOB_PRIORITY_HIGH};
+    char first[ID_SIZE], id[4][ID_SIZE], order[6 * ID_SIZE], *text = long_job(), *little;
+    little = scratch_square(3, "auto", 5);
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit_as(rig, job_of_a, text, first, &problem), 0);
+    for (int64_t limit = clock_monotonic_ms() + 60000; queue_running(rig->queue) == 0; pause_ms(1))
+        assert_true(clock_monotonic_ms() < limit);
+    assert_int_equal(submit_as(rig, low, little, id[0], &problem), 0);
+    assert_int_equal(submit_as(rig, job_of_a, little, id[1], &problem), 0);
+    assert_int_equal(submit_as(rig, high, little, id[2], &problem), 0);
+    assert_int_equal(submit_as(rig, job_of_b, little, id[3], &problem), 0);
+    cancel(rig, "a", first);
+    wait_end_of(rig, "a", id[0], &job);
+    job_done(&job);
+    snprintf(order, sizeof order, "%s %s %s %s %s ", first, id[2], id[3], id[1], id[0]);
+    assert_string_equal(rig->started, order);
+    free(text);
+    free(little);
+    close_rig(rig);
+}
+
+static void test_queue__a_job_waits_for_the_memory_that_another_holds(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job = {.memory = 60};
+    char first[ID_SIZE], second[ID_SIZE], *text = long_job();
+    rig->memory = 100;
+    open_rig(rig, 2, 10);
+    assert_int_equal(submit_as(rig, job, text, first, &problem), 0);
+    wait_status(rig, first, "running");
+    assert_int_equal(submit_as(rig, job, text, second, &problem), 0);
+    pause_ms(50);
+    assert_int_equal(queue_running(rig->queue), 1);
+    cancel(rig, "", first);
+    wait_status(rig, second, "running");
+    free(text);
+    close_rig(rig);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, rig_new, rig_free)
@@ -451,6 +603,10 @@ int main(void)
         TEST(test_queue__two_workers_end_every_job_once),
         TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),
         TEST(test_queue__followers_see_states_progress_and_the_end_in_rising_order),
+        TEST(test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more),
+        TEST(test_queue__a_job_past_its_keys_running_quota_waits_beside_an_idle_worker),
+        TEST(test_queue__owners_take_turns_and_priorities_go_first_among_ones_own),
+        TEST(test_queue__a_job_waits_for_the_memory_that_another_holds),
         TEST(test_queue__a_job_is_not_here_for_another_owner),
     };
     id_init();

@@ -227,7 +227,9 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
     for (int i = 0; i < 2; i++) {
         assert_int_equal(store_mesh_get(store, owner[i], mesh.sha256, &back, &problem), 0);
         assert_int_equal(back.format, 2 + i);
-        job[i] = (struct job){.revision = {1, 1}, .priority = i ? JOB_PRIORITY_LOW : JOB_PRIORITY_HIGH};
+        job[i] = (struct job){.revision = {1, 1},
+                              .priority = i ? JOB_PRIORITY_LOW : JOB_PRIORITY_HIGH,
+                              .memory = 5000000000 + (uint64_t)i};
         id_new(job[i].id);
         strcpy(job[i].owner, owner[i]);
         assert_int_equal(store_job_add(store, &job[i], "{}", 2, &problem), 0);
@@ -242,6 +244,7 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
         assert_int_equal(store_job_get(store, owner[i], job[i].id, &got, &problem), 0);
         assert_string_equal(got.owner, owner[i]);
         assert_int_equal(got.priority, job[i].priority);
+        assert_int_equal(got.memory, job[i].memory);
         job_done(&got);
         memset(&found, 0, sizeof found);
         assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
