@@ -22,6 +22,22 @@ static void answer_mesh(struct call *call, int status, const struct store_mesh *
     http_send(call->request, answer);
 }
 
+/* Whether the key may keep `bytes` more; 0, or -1 with *reterr. All uploads come one after the other, on the
+ * reader's thread, so that no other gets between this look and the row. */
+static int check_quota(const struct call *call, size_t bytes, struct problem *reterr)
+{
+    uint64_t held;
+    if (call->api->keys == NULL)
+        return 0;
+    uint64_t most = keys_quota(call->api->keys, call->owner).mesh_bytes;
+    if (store_mesh_bytes(call->api->store, call->owner, &held, reterr) != 0)
+        return -1;
+    if (held <= most && bytes <= most - held)
+        return 0;
+    return problem_set(reterr, PROBLEM_QUOTA_MESHES, "The key keeps %llu of %llu bytes; this mesh has %zu.",
+                       (unsigned long long)held, (unsigned long long)most, bytes);
+}
+
 /* Parses and keeps a mesh that is not there yet; 0, or -1 with *reterr. */
 static int keep_mesh(struct call *call, const void *data, size_t bytes, struct store_mesh *mesh,
                      struct problem *reterr)
@@ -29,7 +45,8 @@ static int keep_mesh(struct call *call, const void *data, size_t bytes, struct s
     struct mesh parsed = {0};
     mesh->format = mesh_format_from_media_type(http_header(call->request, "Content-Type"));
     mesh->bytes = bytes;
-    if (meshfile_parse((enum mesh_format)mesh->format, data, bytes, &call->api->config->limits, &parsed,
+    if (check_quota(call, bytes, reterr) != 0 ||
+        meshfile_parse((enum mesh_format)mesh->format, data, bytes, &call->api->config->limits, &parsed,
                        reterr) != 0)
         return -1;
     mesh->vertices = parsed.vertices;

@@ -55,6 +55,7 @@ enum statement {
     SQL_MESH_ADD,
     SQL_MESH_GET,
     SQL_MESH_KNOWN,
+    SQL_MESH_BYTES,
     SQL_JOB_KNOWN,
     STATEMENTS
 };
@@ -152,6 +153,7 @@ static const char *const sql_text[STATEMENTS] = {
     [SQL_MESH_ADD] = "INSERT OR IGNORE INTO mesh VALUES(?1,?2,?3,?4,?5,?6,?7,?7)",
     [SQL_MESH_GET] = "SELECT format,bytes,vertices,triangles FROM mesh WHERE owner=?1 AND sha256=?2",
     [SQL_MESH_KNOWN] = "SELECT 1 FROM mesh WHERE sha256=?1",
+    [SQL_MESH_BYTES] = "SELECT coalesce(sum(bytes),0) FROM mesh WHERE owner=?1",
     [SQL_JOB_KNOWN] = "SELECT attempt,status FROM job WHERE id=?1",
 };
 
@@ -974,6 +976,21 @@ int store_mesh_get(struct store *store, const char *owner, const char *sha256, s
     } else {
         result = code == SQLITE_DONE ? STORE_NONE : fail_db(store, "read the mesh", reterr);
     }
+    sqlite3_reset(s);
+    pthread_mutex_unlock(&store->lock);
+    return result;
+}
+
+int store_mesh_bytes(struct store *store, const char *owner, uint64_t *ret, struct problem *reterr)
+{
+    int result = 0;
+    pthread_mutex_lock(&store->lock);
+    sqlite3_stmt *s = store->statement[SQL_MESH_BYTES];
+    bind_text(s, 1, owner);
+    if (sqlite3_step(s) == SQLITE_ROW)
+        *ret = (uint64_t)sqlite3_column_int64(s, 0);
+    else
+        result = fail_db(store, "count the meshes", reterr);
     sqlite3_reset(s);
     pthread_mutex_unlock(&store->lock);
     return result;

@@ -144,4 +144,7 @@ int store_mesh_get(struct store *store, const char *owner, const char *sha256, s
 int store_mesh_open(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
                     int *ret_fd, struct problem *reterr);
 
+/* Of all meshes of the owner together. */
+int store_mesh_bytes(struct store *store, const char *owner, uint64_t *ret, struct problem *reterr);
+
 #endif

@@ -84,6 +84,50 @@ check 'a file that everybody may read' reload loaded
 check 'is warned of' log_has keys.readable
 stop_daemon; is 'the daemon stops with status 0' "$status" 0
 
+# ---- quotas, at each and one past it; and nobody sees another's
+key_file '.keys[0] += {queued: 2, running: 1, mesh_bytes: 100}'
+start_daemon --workers 2 --keys "$work/keys.json"
+endless >"$work/endless"
+post_as shop "$work/endless"; first=$id
+wait_as() { for ((i = 0; i < 500; i++)); do as "$1" GET "/v1/jobs/$2"; [[ $(jq -r .status "$body") == "$3" ]] && return; sleep 0.02; done; false; }
+check 'a job runs' wait_as shop "$first" running
+for n in 1 2; do post_as shop "$work/endless"; is "job $n of two queued" "$code" 202; done
+waiting=$id
+is 'they wait beside an idle worker' "$(jq -r .status "$body")" queued
+post_as shop "$work/endless"; problem 'the third is refused' 429 quota-queued
+like 'with a time to try again' "$(header retry-after)" '^[0-9]+$'
+is 'the client says so' "$("$DRAPE" submit "$work/endless" --url "$url" --key-file "$work/shop.key" 2>&1 | grep -c quota-queued)" 1
+post_as other "$work/job"; is 'another key is not concerned' "$code" 202
+check 'and has a worker at once' wait_as other "$id" succeeded
+for path in "" /events /result /trace; do
+    as other GET "/v1/jobs/$first$path"; problem "another's job is not there, $path" 404 not-found
+done
+as other DELETE "/v1/jobs/$first"; problem 'nor can it be cancelled' 404 not-found
+as other GET /v1/jobs; json 'the list is of its own' "[.jobs[].id] == [\"$id\"]"
+as shop GET "/v1/jobs?status=queued"; json 'as is the other' '.jobs | length == 2'
+square 4 '.solver.max_iterations = 1 | .priority = "high"' >"$work/high"
+as shop DELETE "/v1/jobs/$waiting"; is 'a queued job is cancelled' "$code" 202
+post_as shop "$work/high"; json 'a job of high priority goes before' '.queue_position == 1 and .priority == "high"'
+
+mesh() { { printf 'v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n'; head -c $(($1 - 32)) /dev/zero | tr '\0' '\n'; } >"$work/mesh"; }
+post_mesh() { as "$1" POST /v1/meshes -H 'Content-Type: model/obj' --data-binary "@$work/mesh"; }
+mesh 100; post_mesh shop; is 'as many bytes of meshes as allowed' "$code" 201
+sha=$(jq -r .sha256 "$body")
+post_mesh shop; is 'one that is there costs nothing' "$code" 200
+mesh 33; post_mesh shop; problem 'more are refused' 429 quota-meshes
+as other GET "/v1/meshes/$sha"; problem "another's mesh is not there" 404 not-found
+mesh 101; post_mesh other; is 'another key is not concerned' "$code" 201
+key_file 'del(.keys[0])'
+check 'the key is taken away' reload loaded
+as shop DELETE "/v1/jobs/$first"; problem 'nobody asks in its name any more' 401 unauthorized
+like 'its jobs run on' "$(curl -s "$admin/metrics" | grep '^draped_jobs{*.*running')" ' [12]$'
+stop_daemon; is 'the daemon stops with status 0' "$status" 0
+key_file '.keys[0] += {mesh_bytes: 99}'
+data=$work/data2 start_daemon --workers 1 --keys "$work/keys.json"
+mesh 100; post_mesh shop; problem 'a byte past the quota' 429 quota-meshes
+mesh 99; post_mesh shop; is 'and at it' "$code" 201
+stop_daemon
+
 # ---- never in the logs
 secrets=$(cat "$work"/*.key | grep -cFf - "$log")
 is 'no key is in the log' "$secrets" 0

@@ -211,6 +211,7 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
     struct store *store = open_store(*state);
     struct problem problem;
     struct store_mesh mesh = {.format = 2, .bytes = 3, .vertices = 4, .triangles = 5}, back;
+    uint64_t held;
     const char *const owner[] = {"shop", "studio"};
     struct job job[2], got;
     struct found found;
@@ -224,6 +225,16 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
     mesh.format = 3;
     assert_int_equal(store_mesh_add(store, owner[1], &mesh, "abc", 1, &problem), 0);
     assert_int_equal(count_entries(*state, "meshes"), 1);
+    mesh.bytes = 4;
+    sha256_hex("abcd", 4, mesh.sha256);
+    assert_int_equal(store_mesh_add(store, owner[1], &mesh, "abcd", 1, &problem), 0);
+    assert_int_equal(store_mesh_bytes(store, owner[0], &held, &problem), 0);
+    assert_int_equal(held, 3);
+    assert_int_equal(store_mesh_bytes(store, owner[1], &held, &problem), 0);
+    assert_int_equal(held, 7);
+    assert_int_equal(store_mesh_bytes(store, "nobody", &held, &problem), 0);
+    assert_int_equal(held, 0);
+    sha256_hex("abc", 3, mesh.sha256);
     for (int i = 0; i < 2; i++) {
         assert_int_equal(store_mesh_get(store, owner[i], mesh.sha256, &back, &problem), 0);
         assert_int_equal(back.format, 2 + i);
