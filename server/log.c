@@ -23,12 +23,10 @@ void log_open(enum log_level level)
     log_journal = getenv("JOURNAL_STREAM") != NULL;
 }
 
-int log_level_from_name(const char *name)
+const char *log_level_name(int level)
 {
-    for (size_t i = 0; i < sizeof level_table / sizeof *level_table; i++)
-        if (strcmp(name, level_table[i].name) == 0)
-            return (int)i;
-    return -1;
+    return level >= 0 && level < (int)(sizeof level_table / sizeof *level_table) ? level_table[level].name
+                                                                                 : NULL;
 }
 
 const char *log_quote(const char *text, char buffer[LOG_QUOTE_SIZE])

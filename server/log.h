@@ -14,8 +14,8 @@ enum log_level { LOG_LEVEL_ERROR = 0, LOG_LEVEL_WARNING, LOG_LEVEL_INFO, LOG_LEV
 
 #define LOG_QUOTE_SIZE 256
 
-void log_open(enum log_level level);       /* once, before the first thread; the default is info */
-int log_level_from_name(const char *name); /* -1: unknown */
+void log_open(enum log_level level);   /* once, before the first thread; the default is info */
+const char *log_level_name(int level); /* NULL beyond the last */
 
 /* `event` is a constant "room.what"; `format` gives the key=value pairs. */
 __attribute__((format(printf, 3, 4))) void log_event(enum log_level level, const char *event,

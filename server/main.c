@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/statvfs.h>
+#include <sysexits.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -17,8 +18,6 @@
 #include "drape.h"
 #include "files.h"
 #include "routes.h"
-
-#define EXIT_USAGE 64 /* as argp exits, from sysexits.h */
 
 #define TICK_MS 250
 
@@ -197,7 +196,7 @@ static int announce(struct server *s)
     format_url(&s->config.listen, s->port, api, sizeof api);
     format_url(&s->config.admin, s->admin_port, admin, sizeof admin);
     snprintf(text, sizeof text, "%s\n%s\n", api, admin);
-    if (s->config.url_file != NULL && files_write_whole(s->config.url_file, text, strlen(text)) != 0)
+    if (s->config.url_file[0] != '\0' && files_write_whole(s->config.url_file, text, strlen(text)) != 0)
         return fail("url-file", strerror(errno));
     log_event(LOG_LEVEL_INFO, "started", "version=%s api=%s admin=%s workers=%u blas=%s pid=%d",
               drape_version(), api, admin, s->config.workers, s->api.blas, (int)getpid());
@@ -210,7 +209,7 @@ static int start(struct server *s)
     struct problem problem;
     if (id_init() != 0)
         return fail("random", "the system has no randomness");
-    if (s->config.url_file != NULL)
+    if (s->config.url_file[0] != '\0')
         unlink(s->config.url_file); /* an earlier daemon's would send somebody astray */
     s->api.blas = drape_blas_prepare();
     if (make_rooms(s) != 0)
@@ -300,7 +299,7 @@ static int make_key(const char *name)
     if (id_init() != 0 || keys_make(name, key, &entry) != 0) {
         fprintf(stderr, "draped: a key's name has 1 to %d letters, digits, dots, hyphens or underscores\n",
                 KEY_NAME_SIZE - 1);
-        return EXIT_USAGE;
+        return EX_USAGE;
     }
     printf("%s\n%s\n", key, entry);
     free(entry);
@@ -310,10 +309,15 @@ static int make_key(const char *name)
 int main(int argc, char **argv)
 {
     static struct server server; /* outlives main's frame: threads hold pointers to it */
-    char message[256];
-    if (config_parse(argc, argv, &server.config, message, sizeof message) != 0) {
+    char message[CONFIG_MESSAGE_SIZE];
+    int refused = config_parse(argc, argv, &server.config, message, sizeof message);
+    if (refused) {
         fprintf(stderr, "draped: %s\nTry `draped --help' for more information.\n", message);
-        return EXIT_USAGE;
+        return refused;
+    }
+    if (server.config.check_only) {
+        config_print(stdout, &server.config);
+        return fflush(stdout) == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
     }
     if (server.config.make_key != NULL)
         return make_key(server.config.make_key);

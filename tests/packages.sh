@@ -14,6 +14,7 @@ libopenblas-dev       the solver: the BLAS under CHOLMOD
 libsqlite3-dev        draped: the job store
 libsodium-dev         draped: SHA-256 and random ids
 libsystemd-dev        draped: readiness and watchdog notices
+libinih-dev           draped: its file of settings
 libplplot-dev         draped and drape: plots of traces
 libcurl4-openssl-dev  drape: HTTP
 libosmesa6-dev        drape: the picture, drawn in memory

@@ -11,6 +11,7 @@ data=$work/data
 body=$work/body
 headers=$work/headers
 log=$work/log
+export CONFIGURATION_DIRECTORY=$work # not the settings of the machine
 pid='' url='' admin='' code=''
 tests=0
 
