@@ -6,12 +6,12 @@
 #ifndef DRAPED_API_H
 #define DRAPED_API_H
 
-#include <stdatomic.h>
 #include <stdbool.h>
 
 #include "config.h"
 #include "executor.h"
 #include "fields.h"
+#include "health.h"
 #include "http.h"
 #include "id.h"
 #include "keys.h"
@@ -31,9 +31,8 @@ struct api { /* wired by main; outlives the listeners */
     struct fields *fields;
     struct waits *waits;
     struct executor *clerk, *reader;
-    const char *blas;     /* the BLAS kernel in use */
-    atomic_bool ready;    /* started, and not stopping */
-    atomic_bool writable; /* the data folder took a write when last asked */
+    const char *blas; /* the BLAS kernel in use */
+    struct health health;
 };
 
 struct call;

@@ -1,9 +1,8 @@
 /* api_about.c - what the daemon says of itself: information, materials, documents, health, metrics. */
 #include "api.h"
 
-#include <string.h>
-
 #include "assets.h"
+#include "clock.h"
 #include "drape.h"
 #include "meshfile.h"
 #include "schema.h"
@@ -84,18 +83,11 @@ void admin_livez(struct call *call)
     http_send(call->request, http_answer_static(200, "text/plain; charset=utf-8", "ok\n", 3));
 }
 
-/* Not asked is whether the queue is full: that is for POST to say, and those who follow jobs need us. */
 void admin_readyz(struct call *call)
 {
-    int status = 503;
-    const char *text = "ok\n";
-    if (!atomic_load(&call->api->ready))
-        text = "stopping\n";
-    else if (!atomic_load(&call->api->writable))
-        text = "the data folder takes no writes\n";
-    else
-        status = 200;
-    http_send(call->request, http_answer_static(status, "text/plain; charset=utf-8", text, strlen(text)));
+    bool ready;
+    json_t *json = health_json(&call->api->health, clock_monotonic_ms(), &ready);
+    http_send(call->request, answer_json(ready ? 200 : 503, json));
 }
 
 void admin_metrics(struct call *call)

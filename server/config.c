@@ -62,6 +62,8 @@ static const struct setting setting_table[] = {
      "How long SIGTERM lets running jobs go on"},
     {"field-cache", SIZE, AT(field_cache_bytes), "BYTES", 0, 1ull << 40, NULL, 1,
      "For the distance fields of bodies, kept from job to job"},
+    {"min-free", SIZE, AT(min_free_bytes), "BYTES", 0, 1ull << 50, NULL, 1,
+     "Space on the disk of the data folder below which nothing new is taken"},
     {"max-body", SIZE, AT(limits.body_bytes), "BYTES", 1024, 1ull << 32, NULL, 2, "Of a request's body"},
     {"max-vertices", SIZE, AT(limits.vertices), "N", 3, DRAPE_MAX_VERTICES, NULL, 2,
      "Of the cloth, and of each body"},
@@ -110,6 +112,7 @@ void config_set_defaults(struct config *ret)
         .workers = usable_processors(),
         .drain_seconds = 10,
         .field_cache_bytes = CONFIG_FIELD_CACHE_BYTES,
+        .min_free_bytes = CONFIG_MIN_FREE_BYTES,
         .log_level = LOG_LEVEL_INFO,
         .limits = limits_default,
     };

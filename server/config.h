@@ -15,6 +15,9 @@
 /* A person's field takes 14 MiB, the largest there can be 80: room for the bodies of a shop's few sizes. */
 #define CONFIG_FIELD_CACHE_BYTES ((size_t)256 << 20)
 
+/* The largest result, a cloth of 200 000 vertices in every format with its trace, takes some 60 MB. */
+#define CONFIG_MIN_FREE_BYTES ((size_t)64 << 20)
+
 #define CONFIG_TEXT_SIZE    4096 /* of a path, its end included */
 #define CONFIG_MAX_SETTINGS 64
 #define CONFIG_MESSAGE_SIZE (CONFIG_TEXT_SIZE + 1024) /* for a path and what is wrong there */
@@ -30,6 +33,7 @@ struct config {
     unsigned workers;
     unsigned drain_seconds;
     size_t field_cache_bytes; /* see fields.h */
+    size_t min_free_bytes;
     enum log_level log_level;
     struct limits limits;
 

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include "clock.h"
+
 /* jansson recurses some 100 bytes a level and the solver's check little more; 8 MB as any main thread. */
 #define STACK_BYTES (8u << 20)
 
@@ -19,6 +21,7 @@ struct executor {
     pthread_cond_t work;
     struct task *ring;
     size_t capacity, first, count; /* count includes the one that runs */
+    int64_t since_ms;              /* since when that one runs, or waits to; monotonic */
     bool stopping;
 };
 
@@ -37,6 +40,7 @@ static void *executor_main(void *arg)
         pthread_mutex_lock(&e->lock);
         e->first = (e->first + 1) % e->capacity;
         e->count--;
+        e->since_ms = clock_monotonic_ms();
     }
     pthread_mutex_unlock(&e->lock);
     return NULL;
@@ -73,12 +77,22 @@ int executor_submit(struct executor *executor, executor_fn *run, void *data)
     pthread_mutex_lock(&executor->lock);
     bool room = executor->count < executor->capacity && !executor->stopping;
     if (room) {
+        if (executor->count == 0)
+            executor->since_ms = clock_monotonic_ms();
         executor->ring[(executor->first + executor->count) % executor->capacity] = (struct task){run, data};
         executor->count++;
         pthread_cond_signal(&executor->work);
     }
     pthread_mutex_unlock(&executor->lock);
     return room ? 0 : -1;
+}
+
+int64_t executor_seen_ms(struct executor *executor)
+{
+    pthread_mutex_lock(&executor->lock);
+    int64_t seen = executor->count == 0 ? clock_monotonic_ms() : executor->since_ms;
+    pthread_mutex_unlock(&executor->lock);
+    return seen;
 }
 
 struct executor *executor_free(struct executor *executor)

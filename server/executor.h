@@ -6,6 +6,7 @@
 #define DRAPED_EXECUTOR_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 struct executor;
 
@@ -16,6 +17,10 @@ struct executor *executor_new(const char *name, size_t capacity);
 
 /* Any thread. 0, or -1 when `capacity` tasks are waiting or running: then nothing was done. */
 int executor_submit(struct executor *executor, executor_fn *run, void *data);
+
+/* Any thread. The monotonic time at which it was last seen to get on: now where nothing waits or runs, else
+ * when the task that runs began. */
+int64_t executor_seen_ms(struct executor *executor);
 
 /* Runs what is waiting, ends the thread, frees. NULL is fine; returns NULL. */
 struct executor *executor_free(struct executor *executor);

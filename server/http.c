@@ -20,6 +20,7 @@
 #include "files.h"
 #include "id.h"
 #include "log.h"
+#include "pulse.h"
 
 #define HEAD_BYTES       (32 * 1024) /* of memory per connection: bounds request lines and headers */
 #define IDLE_SECONDS     30          /* a peer that takes no byte of its answer for so long is gone */
@@ -44,6 +45,7 @@ struct lingering { /* a connection that is over for the library but not for TCP 
 struct http {
     struct http_setup setup;
     struct MHD_Daemon *daemon;
+    struct pulse *pulse;
     bool quiesced;        /* by the thread that stops it */
     pthread_mutex_t lock; /* guards all below, and the `suspended` of requests and wakes */
     struct connection *connections;
@@ -143,6 +145,8 @@ static void on_connection(void *cls, struct MHD_Connection *mhd, void **socket_c
 {
     struct http *http = cls;
     struct connection *c = *socket_context;
+    if (pulse_connection(http->pulse, mhd, socket_context, code))
+        return;
     if (code == MHD_CONNECTION_NOTIFY_STARTED) {
         const union MHD_ConnectionInfo *info =
             MHD_get_connection_info(mhd, MHD_CONNECTION_INFO_CONNECTION_FD);
@@ -186,6 +190,7 @@ static void set_deadline(struct http_request *r, int64_t deadline_ms)
 /* libmicrohttpd's own timeout is idle time: one byte a second keeps a connection for ever. */
 void http_tick(struct http *http)
 {
+    pulse_tick(http->pulse, http->daemon);
     int64_t now = clock_monotonic_ms();
     unsigned cut = 0;
     pthread_mutex_lock(&http->lock);
@@ -200,6 +205,11 @@ void http_tick(struct http *http)
     pthread_mutex_unlock(&http->lock);
     if (cut > 0)
         log_event(LOG_LEVEL_DEBUG, "http.cut", "connections=%u", cut);
+}
+
+int64_t http_answered_ms(const struct http *http)
+{
+    return pulse_answered_ms(http->pulse);
 }
 
 unsigned http_connections(struct http *http)
@@ -778,6 +788,8 @@ static enum MHD_Result on_request(void *cls, struct MHD_Connection *mhd, const c
 {
     struct http_request *r = *con_cls;
     if (r == NULL) {
+        if (pulse_is_mine(((struct http *)cls)->pulse, mhd))
+            return pulse_answer(mhd);
         r = request_new(cls, mhd, url, method);
         if (r == NULL)
             return MHD_NO;
@@ -825,6 +837,9 @@ static void on_log(void *cls, const char *format, va_list args)
 {
     char text[LOG_QUOTE_SIZE], quoted[LOG_QUOTE_SIZE];
     (void)cls;
+    /* Of UNIX sockets, as the pulse's, the library tells at each answer that they have no TCP options. */
+    if (strncmp(format, "Setting TCP_", 12) == 0 || strncmp(format, "Failed to push the data", 23) == 0)
+        return;
     vsnprintf(text, sizeof text, format, args);
     log_event(LOG_LEVEL_DEBUG, "http.library", "message=%s", log_quote(text, quoted));
 }
@@ -858,21 +873,24 @@ int http_listen(const struct sockaddr *address, socklen_t size, int *ret_fd, uns
 int http_start(const struct http_setup *setup, struct http **ret)
 {
     struct http *http = calloc(1, sizeof *http);
-    if (http == NULL)
+    if (http == NULL || (http->pulse = pulse_new()) == NULL) {
+        free(http);
         return -1;
+    }
     http->setup = *setup;
     pthread_mutex_init(&http->lock, NULL);
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL,
         on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET,
-        setup->listen_fd, MHD_OPTION_CONNECTION_LIMIT, setup->connections, MHD_OPTION_CONNECTION_TIMEOUT,
-        (unsigned)IDLE_SECONDS, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)HEAD_BYTES,
-        MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK, unescape_nothing, NULL,
-        MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_NOTIFY_COMPLETED, on_completed, http,
-        MHD_OPTION_END);
+        setup->listen_fd, MHD_OPTION_CONNECTION_LIMIT, setup->connections + 1 /* the pulse */,
+        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_SECONDS, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)HEAD_BYTES, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK, unescape_nothing,
+        NULL, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_NOTIFY_COMPLETED, on_completed,
+        http, MHD_OPTION_END);
     if (http->daemon == NULL) {
         log_event(LOG_LEVEL_ERROR, "http.start", "errno=%d error=\"%s\"", errno, strerror(errno));
         pthread_mutex_destroy(&http->lock);
+        pulse_free(http->pulse);
         free(http);
         return -1;
     }
@@ -894,6 +912,7 @@ struct http *http_stop(struct http *http)
     if (http == NULL)
         return NULL;
     MHD_stop_daemon(http->daemon);
+    pulse_free(http->pulse);
     if (http->quiesced)
         close(http->setup.listen_fd); /* else the library closed it */
     for (size_t i = 0; i < http->lingerers; i++)

@@ -51,7 +51,8 @@ struct http_setup {
 int http_listen(const struct sockaddr *address, socklen_t size, int *ret_fd, unsigned *ret_port);
 
 int http_start(const struct http_setup *setup, struct http **ret); /* 0, or -1 (logged) */
-void http_tick(struct http *http); /* about four times a second: cuts slow clients */
+void http_tick(struct http *http); /* about four times a second: cuts slow clients, asks the loop */
+int64_t http_answered_ms(const struct http *http); /* monotonic; when the loop last answered http_tick */
 unsigned http_connections(struct http *http);
 
 /* Stopping: quiesce (no new connections; requests on old ones get 503), have every suspended request

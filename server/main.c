@@ -1,68 +1,124 @@
 /* main.c - draped: flags, signals, wiring, and the order of starting and stopping. */
-#include <arpa/inet.h>
 #include <errno.h>
-#include <netinet/in.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/statvfs.h>
+#include <sys/un.h>
 #include <sysexits.h>
 #include <time.h>
 #include <unistd.h>
-
-#include <systemd/sd-daemon.h>
 
 #include "api.h"
 #include "clock.h"
 #include "drape.h"
 #include "files.h"
 #include "routes.h"
+#include "service.h"
 
 #define TICK_MS 250
 
 /* Of the admin listener: a scraper, a few probes, a person. */
 #define ADMIN_CONNECTIONS 32
 
-#define FREE_SPACE_MS 5000 /* between two looks at the data folder and the space left */
+#define LOOK_MS 1000 /* between two looks at the data folder and the space left */
+
+/* How long an iteration may take that is under way when jobs are told to stop: a factorisation cannot be
+ * interrupted. */
+#define LAST_STEP_MS 60000
 
 /* For answers on their way out once everything has been answered; slow readers are then cut. */
 #define LAST_ANSWERS_MS 5000
 
 struct server {
     struct config config;
+    struct service service;
     struct api api;
     struct routes api_routes, admin_routes;
     struct http *http, *admin;
-    unsigned port, admin_port;
-    int64_t space_ms;
+    struct sockaddr_storage address, admin_address; /* where they listen */
+    int64_t stop_by_ms;                             /* 0: not stopping */
+    atomic_bool looking;                            /* the clerk is at the data folder */
+    int64_t looked_ms;
+    const char *stale; /* the part last told of as stale; NULL: none */
     sigset_t signals;
 };
 
 /* ---- what happens four times a second --------------------------------------------------------------- */
 
-static void measure(struct server *s, int64_t now)
+/* On the clerk's thread: what asks the disk, and so may never come back. */
+static void look_at_data(void *data)
 {
+    struct server *s = data;
+    struct health *health = &s->api.health;
     struct statvfs space;
-    queue_measure(s->api.queue);
-    metrics_set(s->api.metrics, METRIC_STREAMS, hub_followers(s->api.hub));
-    metrics_set(s->api.metrics, METRIC_CONNECTIONS, http_connections(s->http));
-    if (now - s->space_ms < FREE_SPACE_MS)
-        return;
-    s->space_ms = now;
-    atomic_store(&s->api.writable, files_probe(s->config.data) == 0);
-    if (statvfs(s->config.data, &space) == 0)
+    atomic_store(&health->writable, files_probe(s->config.data) == 0);
+    if (statvfs(s->config.data, &space) == 0) {
+        atomic_store(&health->free_bytes, (uint64_t)space.f_bavail * space.f_frsize);
         metrics_set(s->api.metrics, METRIC_BYTES_FREE, (double)space.f_bavail * (double)space.f_frsize);
+    }
+    store_ask(s->api.store, NULL); /* that it answers is what counts: what it refuses, it logs */
+    health_see(health, PULSE_STORE, clock_monotonic_ms());
+    atomic_store(&s->looking, false);
+}
+
+static void send_clerk_to_data(struct server *s, int64_t now)
+{
+    int64_t patience = s->api.health.patience_ms;
+    if (now - s->looked_ms < (patience / 4 < LOOK_MS ? patience / 4 : LOOK_MS) || atomic_load(&s->looking))
+        return;
+    s->looked_ms = now;
+    atomic_store(&s->looking, true);
+    if (executor_submit(s->api.clerk, look_at_data, s) != 0)
+        atomic_store(&s->looking, false);
+}
+
+static void see_parts(struct server *s, const struct queue_counts *counts, int64_t now)
+{
+    struct health *health = &s->api.health;
+    health_see(health, PULSE_MAIN, now);
+    health_see(health, PULSE_API, http_answered_ms(s->http));
+    health_see(health, PULSE_ADMIN, http_answered_ms(s->admin));
+    health_see(health, PULSE_WORKERS, counts->seen_ms);
+    health_see(health, PULSE_CLERK, executor_seen_ms(s->api.clerk));
+    health_see(health, PULSE_READER, executor_seen_ms(s->api.reader));
+    atomic_store(&health->queue_full, counts->queued + counts->running >= s->config.limits.queued_jobs);
+}
+
+/* Whether all parts work; a part that does not is logged once. */
+static bool is_well(struct server *s, int64_t now)
+{
+    const char *stale = health_stale(&s->api.health, now);
+    if (stale != NULL && stale != s->stale)
+        log_event(LOG_LEVEL_ERROR, "health.stale", "part=\"%s\"", stale);
+    s->stale = stale;
+    return stale == NULL;
+}
+
+static void tell_service(struct server *s, const struct queue_counts *counts, int64_t now)
+{
+    char status[128];
+    snprintf(status, sizeof status, "%s: %zu running, %zu queued, %u streams",
+             s->stop_by_ms == 0 ? "Serving" : "Stopping", counts->running, counts->queued,
+             hub_followers(s->api.hub));
+    service_tick(&s->service, now, is_well(s, now), now < s->stop_by_ms, status);
 }
 
 static void tick(struct server *s)
 {
     int64_t now = clock_monotonic_ms();
+    struct queue_counts counts;
     http_tick(s->http);
     http_tick(s->admin);
     waits_tick(s->api.waits, now);
     hub_tick(s->api.hub, now);
-    measure(s, now);
+    queue_measure(s->api.queue, &counts);
+    metrics_set(s->api.metrics, METRIC_STREAMS, hub_followers(s->api.hub));
+    metrics_set(s->api.metrics, METRIC_CONNECTIONS, http_connections(s->http));
+    send_clerk_to_data(s, now);
+    see_parts(s, &counts, now);
+    tell_service(s, &counts, now);
 }
 
 /* SIGHUP. */
@@ -100,11 +156,28 @@ static int fail(const char *what, const char *why)
     return -1;
 }
 
-/* One listener with its loop. 0 or -1. */
-static int start_listener(const struct sockaddr_storage *address, unsigned connections, const char *spool_dir,
-                          size_t spool_bytes, struct routes *routes, struct http **ret, unsigned *ret_port)
+/* The socket that systemd passes under this name, else one of our own; *ret is where it listens. */
+static int open_listener(struct server *s, const char *name, const struct sockaddr_storage *wanted,
+                         int *ret_fd, struct sockaddr_storage *ret)
+{
+    socklen_t size = sizeof *ret;
+    unsigned port;
+    int fd = service_take_socket(&s->service, name);
+    if (fd < 0 && http_listen((const struct sockaddr *)wanted, config_address_size(wanted), &fd, &port) != 0)
+        return fail(name, strerror(errno));
+    if (getsockname(fd, (struct sockaddr *)ret, &size) != 0)
+        return fail(name, strerror(errno));
+    if (ret->ss_family != AF_UNIX && !config_is_loopback(ret))
+        return fail(name, "without keys only this machine is served");
+    *ret_fd = fd;
+    return 0;
+}
+
+static int start_http(int fd, unsigned connections, const char *spool_dir, size_t spool_bytes,
+                      struct routes *routes, struct http **ret)
 {
     struct http_setup setup = {
+        .listen_fd = fd,
         .connections = connections,
         .spool_bytes = spool_bytes,
         .spool_dir = spool_dir,
@@ -113,14 +186,10 @@ static int start_listener(const struct sockaddr_storage *address, unsigned conne
         .finished = routes_finished,
         .data = routes,
     };
-    if (http_listen((const struct sockaddr *)address, config_address_size(address), &setup.listen_fd,
-                    ret_port) != 0)
-        return fail("listen", strerror(errno));
-    if (http_start(&setup, ret) != 0) {
-        close(setup.listen_fd);
-        return fail("http", "no event loop");
-    }
-    return 0;
+    if (http_start(&setup, ret) == 0)
+        return 0;
+    close(fd);
+    return fail("http", "no event loop");
 }
 
 static void on_job_changed(const char *id, struct revision revision, bool ended, const char *body, void *data)
@@ -155,8 +224,9 @@ static int make_rooms(struct server *s)
                                 .data = api,
                                 .fields = api->fields};
     api->queue = queue_new(&setup);
-    /* Every connection may have one thing waiting at the clerk's, and a wait that expires. */
-    api->clerk = executor_new("draped-clerk", s->config.limits.connections + 1);
+    /* Every connection may have one thing waiting at the clerk's; and a wait that expires, and our own look.
+     */
+    api->clerk = executor_new("draped-clerk", s->config.limits.connections + 2);
     api->reader = executor_new("draped-reader", s->config.limits.reading);
     if (api->queue == NULL || api->clerk == NULL || api->reader == NULL)
         return fail("rooms", "out of memory");
@@ -168,45 +238,50 @@ static int start_listeners(struct server *s)
     const struct limits *limits = &s->config.limits;
     /* A dribbler holds what it has sent; honest bodies need their room beside it. */
     size_t spool_bytes = limits->reading * limits->body_bytes;
+    int fd, admin_fd;
     s->api_routes = (struct routes){&s->api, ROUTES_API};
     s->admin_routes = (struct routes){&s->api, ROUTES_ADMIN};
-    if (start_listener(&s->config.listen, (unsigned)limits->connections, s->config.data, spool_bytes,
-                       &s->api_routes, &s->http, &s->port) != 0)
+    if (open_listener(s, "api", &s->config.listen, &fd, &s->address) != 0 ||
+        open_listener(s, "admin", &s->config.admin, &admin_fd, &s->admin_address) != 0)
         return -1;
-    return start_listener(&s->config.admin, ADMIN_CONNECTIONS, NULL, 0, &s->admin_routes, &s->admin,
-                          &s->admin_port);
+    if (start_http(fd, (unsigned)limits->connections, s->config.data, spool_bytes, &s->api_routes,
+                   &s->http) != 0)
+        return -1;
+    return start_http(admin_fd, ADMIN_CONNECTIONS, NULL, 0, &s->admin_routes, &s->admin);
 }
 
-static void format_url(const struct sockaddr_storage *address, unsigned port, char *ret, size_t size)
+static void format_url(const struct sockaddr_storage *address, char *ret, size_t size)
 {
-    char host[INET6_ADDRSTRLEN] = "";
-    if (address->ss_family == AF_INET) {
-        inet_ntop(AF_INET, &((const struct sockaddr_in *)address)->sin_addr, host, sizeof host);
-        snprintf(ret, size, "http://%s:%u", host, port);
-    } else {
-        inet_ntop(AF_INET6, &((const struct sockaddr_in6 *)address)->sin6_addr, host, sizeof host);
-        snprintf(ret, size, "http://[%s]:%u", host, port);
+    char text[CONFIG_ADDRESS_SIZE];
+    if (address->ss_family == AF_UNIX) {
+        snprintf(ret, size, "unix:%s", ((const struct sockaddr_un *)address)->sun_path);
+        return;
     }
+    config_format_address(address, text);
+    snprintf(ret, size, "http://%s", text);
 }
 
 /* Tells whoever started us: the URL file appears whole or not at all. */
 static int announce(struct server *s)
 {
-    char api[96], admin[96], text[200];
-    format_url(&s->config.listen, s->port, api, sizeof api);
-    format_url(&s->config.admin, s->admin_port, admin, sizeof admin);
+    char api[128], admin[128], text[260];
+    format_url(&s->address, api, sizeof api);
+    format_url(&s->admin_address, admin, sizeof admin);
     snprintf(text, sizeof text, "%s\n%s\n", api, admin);
     if (s->config.url_file[0] != '\0' && files_write_whole(s->config.url_file, text, strlen(text)) != 0)
         return fail("url-file", strerror(errno));
     log_event(LOG_LEVEL_INFO, "started", "version=%s api=%s admin=%s workers=%u blas=%s pid=%d",
               drape_version(), api, admin, s->config.workers, s->api.blas, (int)getpid());
-    sd_notifyf(0, "READY=1\nSTATUS=Serving %s", api);
+    service_ready("Serving");
     return 0;
 }
 
 static int start(struct server *s)
 {
     struct problem problem;
+    char why[128];
+    if (service_open(&s->service, why, sizeof why) != 0)
+        return fail("sockets", why);
     if (id_init() != 0)
         return fail("random", "the system has no randomness");
     if (s->config.url_file[0] != '\0')
@@ -218,8 +293,10 @@ static int start(struct server *s)
         return fail("queue", problem.detail);
     if (start_listeners(s) != 0)
         return -1;
-    atomic_store(&s->api.writable, true);
-    atomic_store(&s->api.ready, true);
+    int64_t patience = service_patience_ms(&s->service);
+    health_init(&s->api.health, patience > 0 ? patience : HEALTH_PATIENCE_MS, s->config.min_free_bytes,
+                clock_monotonic_ms());
+    atomic_store(&s->api.health.started, true);
     return announce(s);
 }
 
@@ -229,6 +306,7 @@ static int start(struct server *s)
 static void drain_jobs(struct server *s)
 {
     int64_t patience = clock_monotonic_ms() + 1000 * (int64_t)s->config.drain_seconds;
+    s->stop_by_ms = patience + LAST_STEP_MS;
     queue_drain(s->api.queue);
     while (queue_running(s->api.queue) > 0 && clock_monotonic_ms() < patience)
         if (wait_for_signal(s, 20) != 0)
@@ -258,9 +336,9 @@ static void stop_listeners(struct server *s)
 static void stop(struct server *s)
 {
     struct api *api = &s->api;
-    atomic_store(&api->ready, false);
+    atomic_store(&api->health.stopping, true);
     if (s->http != NULL && s->admin != NULL) {
-        sd_notify(0, "STOPPING=1");
+        service_stopping();
         log_event(LOG_LEVEL_INFO, "stopping", "running=%u", queue_running(api->queue));
         drain_jobs(s);
     } else if (api->queue != NULL) {

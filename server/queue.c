@@ -26,6 +26,9 @@
  * far less than all of them, but a row that somebody else has changed would never match. */
 #define CANCEL_LOOKS 200
 
+/* An idle worker looks at the line again after this long even if nobody wakes it; so it is seen to live. */
+#define LOOK_MS 1000
+
 struct item {           /* a job that has not ended; in the tree, and in the line while it waits */
     struct place place; /* the first member: a place of the line is its item */
     struct job job;
@@ -44,6 +47,8 @@ struct queue {
     struct line *line;
     size_t queued, running; /* queued: with those that are being committed to the store */
     bool draining, interrupted;
+    unsigned busy;     /* workers that have a job, or try to get one started */
+    int64_t looked_ms; /* monotonic; when an idle worker last looked at the line */
     pthread_t *worker;
     unsigned workers;
 };
@@ -340,6 +345,16 @@ static void work_on(struct queue *queue, struct job *job)
     free(outcome.progress);
 }
 
+/* Under the lock. */
+static void wait_for_work(struct queue *queue)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_sec += LOOK_MS / 1000;
+    pthread_cond_timedwait(&queue->work, &queue->lock, &until);
+    queue->looked_ms = clock_monotonic_ms();
+}
+
 static void *worker_main(void *arg)
 {
     struct queue *queue = arg;
@@ -347,16 +362,19 @@ static void *worker_main(void *arg)
     while (!queue->draining) {
         struct item *item = (struct item *)line_take(queue->line);
         if (item == NULL) {
-            pthread_cond_wait(&queue->work, &queue->lock);
+            wait_for_work(queue);
             continue;
         }
         struct place place = item->place; /* the item may be gone when its worker has done with it */
         struct job job = {.status = JOB_RUNNING, .revision = item->job.revision};
         memcpy(job.id, item->job.id, sizeof job.id);
         memcpy(job.owner, item->job.owner, sizeof job.owner);
+        queue->busy++;
         pthread_mutex_unlock(&queue->lock);
         work_on(queue, &job);
         pthread_mutex_lock(&queue->lock);
+        queue->busy--;
+        queue->looked_ms = clock_monotonic_ms();
         line_give_back(queue->line, place.share, place.memory);
         pthread_cond_broadcast(&queue->work); /* quota and memory may be there for more than one */
     }
@@ -378,7 +396,12 @@ struct queue *queue_new(const struct queue_setup *setup)
     }
     queue->setup = *setup;
     pthread_mutex_init(&queue->lock, NULL);
-    pthread_cond_init(&queue->work, NULL);
+    pthread_condattr_t attr;
+    pthread_condattr_init(&attr);
+    pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
+    pthread_cond_init(&queue->work, &attr);
+    pthread_condattr_destroy(&attr);
+    queue->looked_ms = clock_monotonic_ms();
     return queue;
 }
 
@@ -653,15 +676,17 @@ static void find_oldest(const struct place *place, void *data)
         *oldest_ms = accepted_ms;
 }
 
-void queue_measure(struct queue *queue)
+void queue_measure(struct queue *queue, struct queue_counts *ret)
 {
     int64_t now = clock_monotonic_ms(), oldest_ms = now;
     pthread_mutex_lock(&queue->lock);
-    double queued = (double)queue->queued, running = (double)queue->running;
+    ret->queued = queue->queued;
+    ret->running = queue->running;
+    ret->seen_ms = queue->busy < queue->workers && !queue->draining ? queue->looked_ms : now;
     line_heads(queue->line, find_oldest, &oldest_ms);
     pthread_mutex_unlock(&queue->lock);
     double oldest = (double)(now - oldest_ms) / 1000;
-    metrics_set(queue->setup.metrics, METRIC_JOBS_QUEUED, queued);
-    metrics_set(queue->setup.metrics, METRIC_JOBS_RUNNING, running);
+    metrics_set(queue->setup.metrics, METRIC_JOBS_QUEUED, (double)ret->queued);
+    metrics_set(queue->setup.metrics, METRIC_JOBS_RUNNING, (double)ret->running);
     metrics_set(queue->setup.metrics, METRIC_OLDEST_QUEUED, oldest);
 }

@@ -78,6 +78,12 @@ struct queue *queue_free(struct queue *queue); /* waits for the workers; NULL is
 
 void queue_reconsider(struct queue *queue); /* quotas may have changed: more may start now */
 
-void queue_measure(struct queue *queue); /* sets the gauges of metrics.h that it knows */
+struct queue_counts {
+    size_t queued, running;
+    int64_t seen_ms; /* monotonic; when an idle worker last looked for work: now while all solve */
+};
+
+/* Sets the gauges of metrics.h that it knows, too. */
+void queue_measure(struct queue *queue, struct queue_counts *ret);
 
 #endif

@@ -184,6 +184,8 @@ static int check_body_head(const struct call *call, struct problem *reterr)
 {
     const char *type = http_header(call->request, "Content-Type");
     const char *coding = http_header(call->request, "Content-Encoding");
+    if (health_has_space(&call->api->health, reterr) != 0)
+        return -1;
     if (coding != NULL && strcasecmp(coding, "identity") != 0)
         return problem_set(reterr, PROBLEM_MEDIA_TYPE,
                            "Bodies are taken as they are, without Content-Encoding.");

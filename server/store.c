@@ -642,6 +642,15 @@ int store_recover(struct store *store, unsigned max_crashes, int64_t now_ms, sto
     return failed ? problem_set(reterr, PROBLEM_STORAGE, "The queued jobs could not be read.") : 0;
 }
 
+int store_ask(struct store *store, struct problem *reterr)
+{
+    pthread_mutex_lock(&store->lock);
+    int code = sqlite3_exec(store->db, "SELECT 1 FROM sqlite_schema LIMIT 1", NULL, NULL, NULL);
+    int result = code == SQLITE_OK ? 0 : fail_db(store, "answer", reterr);
+    pthread_mutex_unlock(&store->lock);
+    return result;
+}
+
 /* ---- jobs --------------------------------------------------------------------------------------- */
 
 int store_job_add(struct store *store, const struct job *job, const void *document, size_t bytes,

@@ -40,6 +40,10 @@ struct store;
 int store_open(const char *dir, struct metrics *metrics, struct store **ret, struct problem *reterr);
 struct store *store_close(struct store *store); /* NULL is fine; returns NULL */
 
+/* Asks the database something small, behind whatever is being written: for who wants to know if it still
+ * lives. */
+int store_ask(struct store *store, struct problem *reterr);
+
 /* ---- jobs ---------------------------------------------------------------------------------------- */
 
 typedef int store_job_fn(const struct job *job, void *data); /* borrowed; nonzero stops */

@@ -5,6 +5,7 @@ start_daemon --workers 2
 
 request GET "$admin/livez"; is 'livez answers 200' "$code" 200
 request GET "$admin/readyz"; is 'readyz answers 200' "$code" 200
+json 'and names its checks' '.ready and ([.checks[]] | unique == ["ok"])'
 
 square 8 '.name = "smoke"' >"$work/job"
 submit "$work/job"; is 'a job is accepted' "$code" 202

@@ -251,8 +251,7 @@ static void test_config__what_is_wrong_in_a_file_is_named_with_its_line(void **s
     REFUSED_IN_FILE("config = /etc/other\n", "1: there is no setting \"config\"");
     REFUSED_IN_FILE(
         "listen = 0.0.0.0:1\n",
-        "1: listen: 0.0.0.0:1 is not a loopback address: without keys only this machine is served; "
-        "put a proxy in front");
+        "1: listen: 0.0.0.0:1 is not a loopback address: without --keys only this machine is served");
     REFUSED_IN_FILE("max-connections = 10\nmax-streams = 10\n",
                     "2: max-streams: 10 must be below max-connections, 10");
 }
