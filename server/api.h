@@ -65,11 +65,19 @@ struct http_answer *answer_json(int status, json_t *json);
 /* ---- handlers ------------------------------------------------------------------------------------ */
 
 /* api_jobs.c */
-call_fn job_post, job_list, job_get, job_delete, job_events, job_result, job_trace;
+call_fn job_post, job_list, job_get, job_delete, job_result, job_trace;
+/* The body of a job as it stands, wherever it is. On the clerk's or the reader's thread. 0, STORE_NONE,
+ * STORE_GONE, or -1 with *reterr; job_refuse_unknown answers with what was not 0. */
+int job_look_up(struct api *api, const char *owner, const char *id, char **ret_body,
+                struct revision *ret_revision, bool *ret_ended, struct problem *reterr);
+void job_refuse_unknown(struct call *call, int found, const struct problem *problem);
 /* The hooks of waits.h; `data` unused. */
 void job_wait_changed(struct http_request *request, struct revision revision, bool ended, const char *body,
                       void *data);
 void job_wait_expired(struct http_request *request, void *data);
+
+/* api_events.c */
+call_fn job_events, jobs_events;
 
 /* api_meshes.c */
 call_fn mesh_put, mesh_post, mesh_get;

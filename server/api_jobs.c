@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "digest.h"
 #include "log.h"
 #include "meshref.h"
 #include "negotiate.h"
@@ -32,7 +33,7 @@ static struct http_answer *answer_body(int status, struct revision revision, cha
     return answer;
 }
 
-static void refuse_unknown(struct call *call, int found, const struct problem *problem)
+void job_refuse_unknown(struct call *call, int found, const struct problem *problem)
 {
     if (found == STORE_NONE)
         call_refuse(call, PROBLEM_NOT_FOUND, "There is no such job.");
@@ -42,10 +43,8 @@ static void refuse_unknown(struct call *call, int found, const struct problem *p
         call_problem(call, problem);
 }
 
-/* The body of a job as it stands, wherever it is. On the clerk's or the reader's thread. 0, STORE_NONE,
- * STORE_GONE, or -1 with *reterr. */
-static int look_up(struct api *api, const char *owner, const char *id, char **ret_body,
-                   struct revision *ret_revision, bool *ret_ended, struct problem *reterr)
+int job_look_up(struct api *api, const char *owner, const char *id, char **ret_body,
+                struct revision *ret_revision, bool *ret_ended, struct problem *reterr)
 {
     struct job job;
     int found = queue_body(api->queue, owner, id, ret_body, ret_revision);
@@ -115,9 +114,9 @@ static void answer_expired(struct call *call)
     char *body;
     bool ended;
     const char *id = call->job_id[0] != '\0' ? call->job_id : call->id;
-    int found = look_up(call->api, call->owner, id, &body, &revision, &ended, &problem);
+    int found = job_look_up(call->api, call->owner, id, &body, &revision, &ended, &problem);
     if (found != 0)
-        refuse_unknown(call, found, &problem);
+        job_refuse_unknown(call, found, &problem);
     else
         http_send(call->request, answer_waiting(call, revision, body, ended));
 }
@@ -146,7 +145,7 @@ static void wait_for_job(struct call *call, const char *id, struct revision seen
         return;
     }
     /* It may have happened just before the wait began. */
-    if (look_up(api, owner, copy, &body, &revision, &ended, &problem) == 0) {
+    if (job_look_up(api, owner, copy, &body, &revision, &ended, &problem) == 0) {
         waits_changed(api->waits, copy, revision, ended, body);
         free(body);
     }
@@ -179,6 +178,8 @@ static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, 
     size_t bytes;
     if (http_body(call->request, &text, &bytes) != 0)
         return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    if (digest_check(http_header(call->request, "Content-Digest"), text, bytes, reterr) != 0)
+        return -1;
     int failed = schema_job_parse(text, bytes, &api->config->limits, meshref_load, &meshref, &spec, reterr);
     if (failed)
         return -1;
@@ -226,9 +227,9 @@ static void get_stored(struct call *call)
     struct revision revision;
     char *body;
     bool ended;
-    int found = look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
+    int found = job_look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
     if (found != 0)
-        refuse_unknown(call, found, &problem);
+        job_refuse_unknown(call, found, &problem);
     else
         http_send(call->request, answer_get(call, revision, body, ended));
 }
@@ -240,6 +241,8 @@ static void get_waiting(struct call *call)
     char text[REVISION_SIZE] = "";
     const char *header = http_header(call->request, "If-None-Match");
     int seconds = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S);
+    if (header != NULL && strncmp(header, "W/", 2) == 0)
+        header += 2; /* weakened on the way, by a proxy that compresses */
     if (header != NULL && (sscanf(header, "\"%23[0-9.]\"", text) != 1 || revision_parse(text, &seen) != 0))
         get_stored(call); /* several tags, or none of ours: nothing to wait for */
     else
@@ -281,7 +284,7 @@ void job_delete(struct call *call)
     if (found == 0 || found == STORE_GONE)
         http_send(call->request, http_answer_empty(204));
     else
-        refuse_unknown(call, found, &problem);
+        job_refuse_unknown(call, found, &problem);
 }
 
 /* ---- list ---------------------------------------------------------------------------------------------- */
@@ -429,115 +432,6 @@ void job_list(struct call *call)
     http_send(call->request, answer);
 }
 
-/* ---- events ---------------------------------------------------------------------------------------------
- */
-
-struct feed { /* a follower and the connection it feeds */
-    struct follower *follower;
-    struct http_wake *wake;
-};
-
-static ssize_t pull_feed(void *data, char *buffer, size_t max)
-{
-    return follower_pull(((struct feed *)data)->follower, buffer, max);
-}
-
-static void end_feed(void *data)
-{
-    struct feed *feed = data;
-    follower_free(feed->follower);
-    free(feed);
-}
-
-static void wake_feed(void *data)
-{
-    http_wake(((struct feed *)data)->wake);
-}
-
-static struct revision last_event_id(const struct call *call)
-{
-    struct revision seen = {0, 0};
-    const char *header = http_header(call->request, "Last-Event-ID");
-    if (header != NULL)
-        revision_parse(header, &seen); /* one that is none of ours starts afresh */
-    return seen;
-}
-
-/* An event stream whose follower is still to be made; NULL when out of memory. */
-static struct http_answer *answer_feed(struct call *call, struct feed **ret)
-{
-    struct feed *feed = calloc(1, sizeof *feed);
-    if (feed == NULL)
-        return NULL;
-    struct http_answer *answer = http_answer_stream(http_of(call->request), "text/event-stream", pull_feed,
-                                                    end_feed, feed, &feed->wake);
-    http_answer_header(answer, "Cache-Control", "no-store");
-    http_answer_header(answer, "X-Accel-Buffering", "no");
-    *ret = feed;
-    return answer;
-}
-
-/* Of a job that has ended: its end, unless that was seen. On the clerk's thread. */
-static void events_stored(struct call *call)
-{
-    struct problem problem;
-    struct revision revision, seen = last_event_id(call);
-    struct feed *feed;
-    char *body;
-    bool ended;
-    int found = look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
-    if (found != 0) {
-        refuse_unknown(call, found, &problem);
-        return;
-    }
-    if (revision_compare(seen, revision) >= 0) {
-        free(body);
-        http_send(call->request, http_answer_empty(204));
-        return;
-    }
-    struct http_answer *answer = answer_feed(call, &feed);
-    if (answer != NULL)
-        found = follower_new_ended(call->api->hub, revision, body, &feed->follower);
-    free(body);
-    if (answer != NULL && found != 0) {
-        http_answer_free(answer);
-        if (found > 0) {
-            call_refuse(call, PROBLEM_TOO_MANY_STREAMS, "Too many event streams are open.");
-            return;
-        }
-        answer = NULL;
-    }
-    http_send(call->request, answer);
-}
-
-void job_events(struct call *call)
-{
-    static const char *const offer[] = {"text/event-stream"};
-    struct problem problem;
-    struct feed *feed;
-    call->untimed = true;
-    if (negotiate_accept(http_header(call->request, "Accept"), offer, 1) < 0) {
-        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "Events come as text/event-stream.");
-        return;
-    }
-    struct http_answer *answer = answer_feed(call, &feed);
-    if (answer == NULL) {
-        http_send(call->request, NULL);
-        return;
-    }
-    int found = queue_follow(call->api->queue, call->owner, call->id, last_event_id(call), wake_feed, feed,
-                             &feed->follower, &problem);
-    if (found == 0) {
-        http_send(call->request, answer);
-        return;
-    }
-    http_answer_free(answer);
-    if (found == QUEUE_NONE)
-        call_defer(call, call->api->clerk, events_stored);
-    else
-        call_problem(call, &problem);
-}
-
 /* ---- results ----------------------------------------------------------------------------------------------
  */
 
@@ -582,7 +476,7 @@ static bool find_ended(struct call *call, struct job *ret)
     struct problem problem;
     int found = store_job_get(call->api->store, call->owner, call->id, ret, &problem);
     if (found != 0) {
-        refuse_unknown(call, found, &problem);
+        job_refuse_unknown(call, found, &problem);
         return false;
     }
     if (job_status_ended(ret->status))

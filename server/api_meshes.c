@@ -6,8 +6,10 @@
 #include <string.h>
 
 #include "clock.h"
+#include "digest.h"
 #include "log.h"
 #include "meshfile.h"
+#include "multipart.h"
 #include "negotiate.h"
 
 static void answer_mesh(struct call *call, int status, const struct store_mesh *mesh)
@@ -20,6 +22,57 @@ static void answer_mesh(struct call *call, int status, const struct store_mesh *
     http_answer_header(answer, "Location", "/v1/meshes/%s", mesh->sha256);
     http_answer_header(answer, "ETag", "\"%s\"", mesh->sha256);
     http_send(call->request, answer);
+}
+
+struct upload { /* the file in a request's body */
+    const void *data;
+    size_t bytes;
+    enum mesh_format format;
+};
+
+/* Of a file in a form: by its type, or by the ending of its name where the type says nothing, as browsers
+ * send most meshes; -1: unknown. */
+static int form_format(const struct multipart_file *file)
+{
+    const char *dot = strrchr(file->filename, '.');
+    bool says_nothing = file->type[0] == '\0' || negotiate_is_type(file->type, "application/octet-stream") ||
+                        negotiate_is_type(file->type, "text/plain");
+    if (!says_nothing)
+        return mesh_format_from_media_type(file->type);
+    return dot == NULL ? -1 : mesh_format_from_name(dot + 1);
+}
+
+/* 0, or -1 with *reterr. */
+static int take_form(const char *boundary, struct upload *upload, struct problem *reterr)
+{
+    struct multipart_file file;
+    if (multipart_parse(upload->data, upload->bytes, boundary, &file, reterr) != 0)
+        return -1;
+    int format = form_format(&file);
+    if (format < 0)
+        return problem_set(
+            reterr, PROBLEM_MEDIA_TYPE,
+            "The file's Content-Type, or else the ending of its name, must be that of a mesh.");
+    *upload = (struct upload){file.data, file.bytes, (enum mesh_format)format};
+    return 0;
+}
+
+/* 0, or -1 with *reterr. */
+static int read_upload(struct call *call, struct upload *ret, struct problem *reterr)
+{
+    const char *type = http_header(call->request, "Content-Type");
+    char boundary[MULTIPART_BOUNDARY_SIZE];
+    if (http_body(call->request, &ret->data, &ret->bytes) != 0)
+        return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    if (digest_check(http_header(call->request, "Content-Digest"), ret->data, ret->bytes, reterr) != 0)
+        return -1;
+    int form = multipart_boundary(type, boundary, reterr);
+    if (form < 0)
+        return -1;
+    if (form == 0)
+        return take_form(boundary, ret, reterr);
+    ret->format = (enum mesh_format)mesh_format_from_media_type(type);
+    return 0;
 }
 
 /* Whether the key may keep `bytes` more; 0, or -1 with *reterr. All uploads come one after the other, on the
@@ -39,20 +92,20 @@ static int check_quota(const struct call *call, size_t bytes, struct problem *re
 }
 
 /* Parses and keeps a mesh that is not there yet; 0, or -1 with *reterr. */
-static int keep_mesh(struct call *call, const void *data, size_t bytes, struct store_mesh *mesh,
+static int keep_mesh(struct call *call, const struct upload *upload, struct store_mesh *mesh,
                      struct problem *reterr)
 {
     struct mesh parsed = {0};
-    mesh->format = mesh_format_from_media_type(http_header(call->request, "Content-Type"));
-    mesh->bytes = bytes;
-    if (check_quota(call, bytes, reterr) != 0 ||
-        meshfile_parse((enum mesh_format)mesh->format, data, bytes, &call->api->config->limits, &parsed,
+    mesh->format = (int)upload->format;
+    mesh->bytes = upload->bytes;
+    if (check_quota(call, upload->bytes, reterr) != 0 ||
+        meshfile_parse(upload->format, upload->data, upload->bytes, &call->api->config->limits, &parsed,
                        reterr) != 0)
         return -1;
     mesh->vertices = parsed.vertices;
     mesh->triangles = parsed.triangles;
     mesh_done(&parsed);
-    return store_mesh_add(call->api->store, call->owner, mesh, data, clock_wall_ms(), reterr);
+    return store_mesh_add(call->api->store, call->owner, mesh, upload->data, clock_wall_ms(), reterr);
 }
 
 /* `expected`: the digest in the path, or NULL. */
@@ -60,14 +113,13 @@ static void take_mesh(struct call *call, const char *expected)
 {
     struct problem problem;
     struct store_mesh mesh;
-    const void *data;
-    size_t bytes;
-    if (http_body(call->request, &data, &bytes) != 0) {
-        call_refuse(call, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    struct upload upload;
+    if (read_upload(call, &upload, &problem) != 0) {
+        call_problem(call, &problem);
         return;
     }
     char digest[SHA256_SIZE];
-    sha256_hex(data, bytes, digest);
+    sha256_hex(upload.data, upload.bytes, digest);
     if (expected != NULL && strcmp(expected, digest) != 0) {
         call_refuse(call, PROBLEM_DIGEST_MISMATCH, "The body's SHA-256 is %s.", digest);
         return;
@@ -76,14 +128,14 @@ static void take_mesh(struct call *call, const char *expected)
     bool known = found == 0;
     if (found == STORE_NONE) {
         memcpy(mesh.sha256, digest, sizeof digest);
-        found = keep_mesh(call, data, bytes, &mesh, &problem);
+        found = keep_mesh(call, &upload, &mesh, &problem);
     }
     if (found < 0) {
         call_problem(call, &problem);
         return;
     }
     if (!known)
-        log_event(LOG_LEVEL_INFO, "mesh.kept", "sha256=%s bytes=%zu request=%s", digest, bytes,
+        log_event(LOG_LEVEL_INFO, "mesh.kept", "sha256=%s bytes=%zu request=%s", digest, upload.bytes,
                   http_request_id(call->request));
     answer_mesh(call, known ? 200 : 201, &mesh);
 }

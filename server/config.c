@@ -73,6 +73,8 @@ static const struct setting setting_table[] = {
     {"max-connections", SIZE, AT(limits.connections), "N", 8, 65536, NULL, 2, "Connections to the API"},
     {"max-streams", SIZE, AT(limits.streams), "N", 1, 65535, NULL, 2,
      "Event streams; fewer than connections"},
+    {"max-streams-per-key", SIZE, AT(limits.streams_per_key), "N", 1, 65535, NULL, 2,
+     "Event streams of one API key"},
     {"max-reading", SIZE, AT(limits.reading), "N", 1, 65536, NULL, 2,
      "Whole request bodies waiting to be parsed"},
     {"max-time", SECONDS, AT(limits.time_limit_s), "SECONDS", 1, 1000000, NULL, 2, "A job's own time limit"},

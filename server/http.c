@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -22,19 +23,23 @@
 #include "log.h"
 #include "pulse.h"
 
-#define HEAD_BYTES       (32 * 1024) /* of memory per connection: bounds request lines and headers */
-#define IDLE_SECONDS     30          /* a peer that takes no byte of its answer for so long is gone */
-#define STREAM_BLOCK     4096
-#define REQUEST_ID_BYTES 64
-#define LINGER_MS        2000 /* at most, for a peer that still sends after its last answer */
-#define LINGERING        64   /* at most; beyond, peers may lose an answer to a reset */
-#define FRESH_MS         500  /* a peer that connects to ask something has sent it by then */
+#define HEAD_BYTES   (32 * 1024) /* of memory per connection: bounds request lines and headers */
+#define IDLE_SECONDS 30          /* a peer that takes no byte of its answer for so long is gone */
+#define STREAM_BLOCK 4096
+/* A stream's peer whose TCP says nothing for so long is gone: after one heartbeat, before the next but one.
+ */
+#define STREAM_SILENCE_MS 20000
+#define REQUEST_ID_BYTES  64
+#define LINGER_MS         2000 /* at most, for a peer that still sends after its last answer */
+#define LINGERING         64   /* at most; beyond, peers may lose an answer to a reset */
+#define FRESH_MS          500  /* a peer that connects to ask something has sent it by then */
 
 struct connection { /* one TCP connection; in the list of its http, under its lock */
     struct connection *prev, *next;
     int fd;
-    int64_t deadline_ms; /* monotonic; 0: none */
-    int64_t fresh_ms;    /* until then its first request is awaited; 0 once that has begun */
+    int64_t deadline_ms;      /* monotonic; 0: none */
+    int64_t fresh_ms;         /* until then its first request is awaited; 0 once that has begun */
+    struct http_wake *stream; /* that it carries; NULL: none */
 };
 
 struct lingering { /* a connection that is over for the library but not for TCP */
@@ -87,7 +92,8 @@ struct http_wake {
     http_pull_fn *pull;
     void (*end)(void *data);
     void *data;
-    bool kicked, suspended; /* under the lock */
+    struct connection *connection;    /* under the lock; NULL: none yet, or closed */
+    bool kicked, suspended, deserted; /* under the lock; deserted: its peer hung up */
 };
 
 struct http_answer {
@@ -173,6 +179,8 @@ static void on_connection(void *cls, struct MHD_Connection *mhd, void **socket_c
             c->next->prev = c->prev;
         *(c->prev != NULL ? &c->prev->next : &http->connections) = c->next;
         http->connection_count--;
+        if (c->stream != NULL)
+            c->stream->connection = NULL;
         linger(http, c->fd);
         pthread_mutex_unlock(&http->lock);
         free(c);
@@ -187,6 +195,28 @@ static void set_deadline(struct http_request *r, int64_t deadline_ms)
     pthread_mutex_unlock(&r->http->lock);
 }
 
+/* Under the lock. */
+static void resume_stream(struct http_wake *wake)
+{
+    wake->kicked = true;
+    if (!wake->suspended)
+        return;
+    wake->suspended = false;
+    wake->http->suspended--;
+    MHD_resume_connection(wake->mhd);
+}
+
+/* Nobody listens to a suspended connection: without this look, clients that come and go would fill the places
+ * for streams until the next heartbeats. Under the lock. */
+static void look_after_stream(struct connection *c)
+{
+    struct pollfd peer = {.fd = c->fd, .events = POLLRDHUP};
+    if (c->stream == NULL || !c->stream->suspended || poll(&peer, 1, 0) != 1)
+        return;
+    c->stream->deserted = true;
+    resume_stream(c->stream);
+}
+
 /* libmicrohttpd's own timeout is idle time: one byte a second keeps a connection for ever. */
 void http_tick(struct http *http)
 {
@@ -195,6 +225,7 @@ void http_tick(struct http *http)
     unsigned cut = 0;
     pthread_mutex_lock(&http->lock);
     for (struct connection *c = http->connections; c != NULL; c = c->next) {
+        look_after_stream(c);
         if (c->deadline_ms == 0 || now < c->deadline_ms)
             continue;
         shutdown(c->fd, SHUT_RDWR);
@@ -368,13 +399,11 @@ static int hex_digit(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-int http_query(const struct http_request *request, const char *name, char *buffer, size_t size)
+/* 0, or -1 when it is malformed or too long. */
+static int unescape(const char *text, char *buffer, size_t size)
 {
-    const char *p = MHD_lookup_connection_value(request->mhd, MHD_GET_ARGUMENT_KIND, name);
     size_t n = 0;
-    if (p == NULL)
-        return 1;
-    for (; *p != '\0'; p++) {
+    for (const char *p = text; *p != '\0'; p++) {
         int c = (unsigned char)*p;
         if (c == '%') {
             int high = hex_digit(p[1]), low = high < 0 ? -1 : hex_digit(p[2]);
@@ -387,6 +416,34 @@ int http_query(const struct http_request *request, const char *name, char *buffe
     }
     buffer[n] = '\0';
     return 0;
+}
+
+struct argument { /* one that is looked for */
+    const char *name;
+    size_t n; /* how many of the name come before it */
+    const char *value;
+};
+
+static enum MHD_Result find_argument(void *cls, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    struct argument *wanted = cls;
+    (void)kind;
+    if (strcmp(name, wanted->name) != 0 || wanted->n-- > 0)
+        return MHD_YES;
+    wanted->value = value == NULL ? "" : value;
+    return MHD_NO;
+}
+
+int http_query_nth(const struct http_request *request, const char *name, size_t n, char *buffer, size_t size)
+{
+    struct argument wanted = {name, n, NULL};
+    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, find_argument, &wanted);
+    return wanted.value == NULL ? 1 : unescape(wanted.value, buffer, size);
+}
+
+int http_query(const struct http_request *request, const char *name, char *buffer, size_t size)
+{
+    return http_query_nth(request, name, 0, buffer, size);
 }
 
 /* libmicrohttpd unescapes paths in place, so that %00 cuts them and %2f becomes a slash; with this
@@ -628,7 +685,10 @@ static ssize_t pull_stream(void *cls, uint64_t position, char *buffer, size_t ma
     for (;;) {
         pthread_mutex_lock(&wake->http->lock);
         wake->kicked = false;
+        bool deserted = wake->deserted;
         pthread_mutex_unlock(&wake->http->lock);
+        if (deserted)
+            return MHD_CONTENT_READER_END_WITH_ERROR;
         ssize_t n = wake->pull(wake->data, buffer, max);
         if (n != 0)
             return n > 0 ? n : MHD_CONTENT_READER_END_OF_STREAM;
@@ -649,6 +709,10 @@ static void end_stream(void *cls)
 {
     struct http_wake *wake = cls;
     wake->end(wake->data); /* after it nobody wakes */
+    pthread_mutex_lock(&wake->http->lock);
+    if (wake->connection != NULL)
+        wake->connection->stream = NULL;
+    pthread_mutex_unlock(&wake->http->lock);
     free(wake);
 }
 
@@ -675,16 +739,19 @@ struct http_answer *http_answer_stream(struct http *http, const char *type, http
 void http_wake(struct http_wake *wake)
 {
     pthread_mutex_lock(&wake->http->lock);
-    wake->kicked = true;
-    if (wake->suspended) {
-        wake->suspended = false;
-        wake->http->suspended--;
-        MHD_resume_connection(wake->mhd);
-    }
+    resume_stream(wake);
     pthread_mutex_unlock(&wake->http->lock);
 }
 
 /* ---- the loop's callbacks ------------------------------------------------------------------------------ */
+
+/* A sleeping stream meets a dead peer only when it writes, and TCP itself would try again for a quarter of an
+ * hour. (On a socket that is not TCP's this fails, and need not hold.) */
+static void watch_peer(int fd)
+{
+    unsigned milliseconds = STREAM_SILENCE_MS;
+    setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &milliseconds, sizeof milliseconds);
+}
 
 /* Hands an answer that is there to libmicrohttpd; YES too when there is none yet. */
 static enum MHD_Result queue_answer(struct http_request *r)
@@ -693,8 +760,11 @@ static enum MHD_Result queue_answer(struct http_request *r)
     struct http_answer *answer = r->answer;
     bool sent = r->sent;
     r->answer = NULL;
-    if (answer != NULL && answer->wake != NULL)
+    if (answer != NULL && answer->wake != NULL) {
         answer->wake->mhd = r->mhd;
+        answer->wake->connection = r->connection;
+        r->connection->stream = answer->wake;
+    }
     pthread_mutex_unlock(&r->http->lock);
     if (answer == NULL)
         return sent ? MHD_NO : MHD_YES; /* sent, yet no memory for the barest answer */
@@ -702,6 +772,8 @@ static enum MHD_Result queue_answer(struct http_request *r)
     http_answer_header(answer, "X-Request-Id", "%s", r->id);
     if (answer->close)
         http_answer_header(answer, "Connection", "close");
+    if (answer->wake != NULL)
+        watch_peer(r->connection->fd);
     set_deadline(r, answer->wake != NULL
                         ? 0
                         : clock_monotonic_ms() + HTTP_BODY_MS + (int64_t)(answer->bytes / HTTP_SLOWEST));

@@ -73,6 +73,8 @@ const char *http_header(const struct http_request *request, const char *name); /
 
 /* Decodes a query argument into `buffer`; 0, 1 when there is none, -1 when it is malformed or too long. */
 int http_query(const struct http_request *request, const char *name, char *buffer, size_t size);
+/* The same for one that is given several times: the n-th of them, from 0. */
+int http_query_nth(const struct http_request *request, const char *name, size_t n, char *buffer, size_t size);
 
 /* The caller's own pointer; NULL at first. `finished` is the place to free it. */
 void http_set_context(struct http_request *request, void *context);

@@ -33,6 +33,10 @@ const struct limits limits_default = {
     .connections = 512,
     /* Below the connections, so that streams alone can never shut everybody else out. */
     .streams = 128,
+    /* Two keys cannot shut out a third. */
+    .streams_per_key = 48,
+    /* What a page of a queue shows; the ids of 64 jobs, in a query or an event's id, stay below 4 kB. */
+    .stream_jobs = 64,
     /* Times body_bytes: 1 GiB of spool files, and a wait of a second or two for the parser. */
     .reading = 16,
     /* A tenth of all places; fair share keeps the workers from being one key's; a thousand bodies. */

@@ -33,6 +33,8 @@ struct limits {
     uint64_t memory;         /* bytes of all running jobs, as estimated; the others wait */
     size_t connections;      /* API listener */
     size_t streams;          /* event streams; 429 */
+    size_t streams_per_key;  /* of them, those of one API key; 429 */
+    size_t stream_jobs;      /* jobs in one event stream; 400 */
     size_t reading;          /* whole bodies waiting to be parsed, or being parsed; 503 busy */
     struct quota key;        /* of keys whose file says nothing else */
 };

@@ -204,7 +204,8 @@ static int make_rooms(struct server *s)
     struct wait_answers answers = {job_wait_changed, job_wait_expired, NULL};
     struct problem problem;
     api->config = &s->config;
-    if ((api->metrics = metrics_new()) == NULL || (api->hub = hub_new(s->config.limits.streams)) == NULL ||
+    if ((api->metrics = metrics_new()) == NULL ||
+        (api->hub = hub_new(s->config.limits.streams, s->config.limits.streams_per_key)) == NULL ||
         (api->waits = waits_new(&answers)) == NULL ||
         (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
         return fail("rooms", "out of memory");

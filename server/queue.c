@@ -116,6 +116,8 @@ static void end_item(struct queue *queue, struct item *item)
     publish(queue, item, STREAM_END);
     tdelete(item, &queue->tree, compare_items);
     line_let_go(queue->line, item->place.share);
+    stream_retire(item->stream, item->job.id);
+    item->stream = NULL;
     free_item(item);
 }
 
@@ -525,21 +527,14 @@ int queue_body(struct queue *queue, const char *owner, const char *id, char **re
 }
 
 int queue_follow(struct queue *queue, const char *owner, const char *id, struct revision seen,
-                 void (*wake)(void *data), void *data, struct follower **ret, struct problem *reterr)
+                 struct follower *follower)
 {
     int result = QUEUE_NONE;
     pthread_mutex_lock(&queue->lock);
     const struct item *item = find(queue, owner, id);
     char *body = item == NULL ? NULL : body_of(queue, item);
-    if (item != NULL && body == NULL)
-        result = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    if (body != NULL) {
-        result = follower_new(item->stream, seen, item->job.revision, body, wake, data, ret);
-        if (result > 0)
-            result = problem_set(reterr, PROBLEM_TOO_MANY_STREAMS, "Too many event streams are open.");
-        else if (result < 0)
-            result = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    }
+    if (item != NULL)
+        result = body == NULL ? -1 : follower_add(follower, id, item->stream, seen, item->job.revision, body);
     pthread_mutex_unlock(&queue->lock);
     free(body);
     return result;

@@ -60,9 +60,9 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
 int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,
                struct revision *ret_revision);
 
-/* Follows a job's events (see follower_new). 0, QUEUE_NONE, or -1 with *reterr. */
+/* Has the follower follow a job (see follower_add). 0, QUEUE_NONE, or -1 when out of memory. */
 int queue_follow(struct queue *queue, const char *owner, const char *id, struct revision seen,
-                 void (*wake)(void *data), void *data, struct follower **ret, struct problem *reterr);
+                 struct follower *follower);
 
 /* Store. A queued job ends at once, a running one at its next iteration; either way 0 and the body as it
  * stands. QUEUE_NONE, or -1 with *reterr. */

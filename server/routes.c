@@ -10,6 +10,7 @@
 #include "api.h"
 #include "log.h"
 #include "meshfile.h"
+#include "multipart.h"
 #include "negotiate.h"
 
 enum where { ON_LOOP = 0, ON_CLERK, ON_READER };
@@ -29,6 +30,7 @@ static const struct route route_table[] = {
     {ROUTES_API, "GET", "/v1/jobs/{id}", ON_LOOP, NO_BODY, job_get},
     {ROUTES_API, "DELETE", "/v1/jobs/{id}", ON_CLERK, NO_BODY, job_delete},
     {ROUTES_API, "GET", "/v1/jobs/{id}/events", ON_LOOP, NO_BODY, job_events},
+    {ROUTES_API, "GET", "/v1/events", ON_CLERK, NO_BODY, jobs_events},
     {ROUTES_API, "GET", "/v1/jobs/{id}/result", ON_CLERK, NO_BODY, job_result},
     {ROUTES_API, "GET", "/v1/jobs/{id}/trace", ON_CLERK, NO_BODY, job_trace},
     {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, mesh_post},
@@ -196,6 +198,12 @@ static int check_body_head(const struct call *call, struct problem *reterr)
         if (!negotiate_is_type(type, "application/json"))
             return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");
         return queue_admits(call->api->queue, call->owner, reterr);
+    }
+    if (strcmp(call->route->method, "POST") == 0) {
+        char boundary[MULTIPART_BOUNDARY_SIZE];
+        int form = multipart_boundary(type, boundary, reterr);
+        if (form <= 0)
+            return form;
     }
     if (type == NULL || mesh_format_from_media_type(type) < 0)
         return problem_set(reterr, PROBLEM_MEDIA_TYPE,

@@ -64,6 +64,46 @@ curl -sN --max-time 0.3 "$url/v1/jobs/$id/events" >/dev/null
 wait $a $b
 is 'two watchers see the same end' "$(grep -A2 '^event: end' "$work/a")" "$(grep -A2 '^event: end' "$work/b")"
 
+# An HTTP/1.0 client gets the same, unchunked, to the end of the connection.
+curl -sN0 --max-time 60 -D "$headers" "$url/v1/jobs/$id/events" >"$work/old"
+is 'an HTTP/1.0 client is told no transfer coding' "$(header transfer-encoding)" ''
+as_json "$work/old" >"$work/events"
+json 'and gets its event' 'length == 1 and .[0].event == "end"' "$work/events"
+
+# ---- several jobs in one stream
+ids=()
+for n in 60 90 120; do
+    endless 24 " | .solver.max_iterations = $n" >"$work/job"
+    submit "$work/job"
+    ids+=("$id")
+done
+query="job=${ids[0]}&job=${ids[1]}&job=${ids[2]}"
+curl -sN --max-time 60 "$url/v1/events?$query" >"$work/stream"
+is 'one stream of three jobs ends after them' "$?" 0
+as_json "$work/stream" >"$work/events"
+json 'it begins with the state of each' '[.[0:3][] | .event] == ["state", "state", "state"] and ([.[0:3][].data.id] | unique | length == 3)' "$work/events"
+json 'it has the end of each' '[.[] | select(.event == "end") | .data.id] | length == 3 and (unique | length == 3)' "$work/events"
+check 'every id names the revision of its own event' jq -e 'all(.[]; .data as $d | .id | split(",") | index($d.id + "=" + $d.revision) != null)' "$work/events"
+json 'every job goes through its states in order' 'group_by(.data.id) | all(.[]; [.[] | select(.event != "progress") | .data.status] | . == ["queued", "running", "succeeded"] or . == ["running", "succeeded"])' "$work/events"
+last=$(jq -r '.[-1].id' "$work/events")
+request GET "/v1/events?$query" -H "Last-Event-ID: $last"; is 'whoever has seen all ends gets 204' "$code" 204
+# As if cut off before the last event: only that one comes again.
+before=$(jq -r '.[-2].id' "$work/events")
+curl -sN --max-time 20 -H "Last-Event-ID: $before" "$url/v1/events?$query" >"$work/stream"
+as_json "$work/stream" >"$work/again"
+check 'resuming gives what was missed' jq -e --slurpfile all "$work/events" 'length == 1 and .[0].data == $all[0][-1].data' "$work/again"
+request GET "/v1/events?$query&job=${ids[0]}" --max-time 5; problem 'a job given twice' 400 bad-request
+request GET "/v1/events" --max-time 5; problem 'no job' 400 bad-request
+request GET "/v1/events?job=xyz" --max-time 5; problem 'what is no id' 400 bad-request
+request GET "/v1/events?$query&job=00000000000000000000000000000000" --max-time 5; problem 'a job that is not there' 404 not-found
+like 'is named' "$(jq -r .detail "$body")" 00000000000000000000000000000000
+request GET "/v1/events?$query" -H 'Accept: application/json' --max-time 5; problem 'another format' 406 not-acceptable
+many=$(for i in $(seq 64); do printf 'job=%032x&' "$i"; done)
+request GET "/v1/events?${many%&}" --max-time 5; problem 'as many jobs as allowed are looked for' 404 not-found
+request GET "/v1/events?${many}job=${ids[0]}" --max-time 5; problem 'one more is refused' 400 bad-request
+request DELETE "/v1/jobs/${ids[0]}"
+request GET "/v1/events?$query" --max-time 5; problem 'a job that was removed' 410 gone
+
 # An idle stream (a queued job) costs no processor time: suspended, not spinning.
 endless >"$work/job"
 submit "$work/job"; running=$id

@@ -27,6 +27,11 @@ request GET "/v1/jobs/$queued" -H "If-None-Match: $etag" -H 'Prefer: wait=1'
 took=$(($(now) - from))
 like 'a long poll of an unchanged job answers' "$code" '^(200|304)$'
 check "after its time ($((took / 1000)) ms)" test "$took" -ge 500000 -a "$took" -lt 6000000
+from=$(now)
+request GET "/v1/jobs/$queued" -H "If-None-Match: W/$etag" -H 'Prefer: wait=1'
+took=$(($(now) - from))
+is 'a tag that a proxy has weakened is waited for too' "$code" 304
+check "for as long ($((took / 1000)) ms)" test "$took" -ge 500000 -a "$took" -lt 6000000
 (sleep 0.5; curl -s -X DELETE "$url/v1/jobs/$queued" >/dev/null) &
 from=$(now)
 request GET "/v1/jobs/$queued" -H "If-None-Match: $etag" -H 'Prefer: wait=20'

@@ -433,6 +433,28 @@ static void test_http__a_stream_whose_client_left_is_ended_by_writing(void **sta
     wait_value(rig, &rig->ended, 1);
 }
 
+static void test_http__a_sleeping_stream_whose_client_left_is_ended_by_the_tick(void **state)
+{
+    struct rig *rig = *state;
+    int fd = dial(rig), other = dial(rig);
+    say(fd, "GET /stream HTTP/1.1\r\n" LAST "\r\n");
+    wait_suspended(rig);
+    http_tick(rig->http);
+    pause_ms(50);
+    assert_int_equal(value(rig, &rig->ended), 0); /* its client is there */
+    int pulls = value(rig, &rig->pulls);
+    close(fd);
+    for (int i = 0; i < 5000 && value(rig, &rig->ended) == 0; i++) {
+        http_tick(rig->http);
+        pause_ms(1);
+    }
+    assert_int_equal(value(rig, &rig->ended), 1);
+    assert_int_equal(value(rig, &rig->pulls), pulls); /* nobody was asked for more */
+    wait_value(rig, &rig->finished, 1);
+    assert_int_equal(http_suspended(rig->http), 0);
+    close(other);
+}
+
 static void test_http__an_answer_survives_bytes_that_were_never_read(void **state)
 {
     struct rig *rig = *state;
@@ -529,6 +551,7 @@ int main(void)
         TEST(test_http__out_of_memory_is_a_bare_500),
         TEST(test_http__a_stream_sleeps_between_events_and_ends_in_order),
         TEST(test_http__a_stream_whose_client_left_is_ended_by_writing),
+        TEST(test_http__a_sleeping_stream_whose_client_left_is_ended_by_the_tick),
         TEST(test_http__an_answer_survives_bytes_that_were_never_read),
         TEST(test_http__stopping_answers_new_requests_with_503),
         TEST(test_http__stopping_waits_a_moment_for_the_first_request_of_a_connection),

@@ -51,7 +51,7 @@ static void open_rig(struct rig *rig, unsigned workers, size_t queued)
     if (rig->memory > 0)
         rig->limits.memory = rig->memory;
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
-    rig->hub = hub_new(8);
+    rig->hub = hub_new(8, 8);
     rig->metrics = metrics_new();
     struct queue_setup setup = {.store = rig->store,
                                 .hub = rig->hub,
@@ -402,12 +402,12 @@ static void test_queue__followers_see_states_progress_and_the_end_in_rising_orde
     char all[65536], chunk[512];
     size_t n = 0;
     open_rig(rig, 1, 10);
-    assert_int_equal(queue_follow(rig->queue, "", "00000000000000000000000000000000", (struct revision){0, 0},
-                                  NULL, NULL, &f, &problem),
-                     QUEUE_NONE);
+    assert_int_equal(follower_new(rig->hub, "", 1, false, NULL, NULL, &f), 0);
+    assert_int_equal(
+        queue_follow(rig->queue, "", "00000000000000000000000000000000", (struct revision){0, 0}, f),
+        QUEUE_NONE);
     assert_int_equal(submit(rig, text, id, &problem), 0);
-    int found = queue_follow(rig->queue, "", id, (struct revision){0, 0}, NULL, NULL, &f, &problem);
-    assert_int_equal(found, 0);
+    assert_int_equal(queue_follow(rig->queue, "", id, (struct revision){0, 0}, f), 0);
     for (;;) {
         ssize_t got = follower_pull(f, chunk, sizeof chunk);
         if (got < 0)
@@ -455,9 +455,10 @@ static void test_queue__a_job_is_not_here_for_another_owner(void **state)
     for (size_t i = 0; i < sizeof other / sizeof *other; i++) {
         assert_int_equal(queue_body(rig->queue, other[i], id, &body, &revision), QUEUE_NONE);
         assert_int_equal(queue_cancel(rig->queue, other[i], id, &body, &problem), QUEUE_NONE);
-        assert_int_equal(
-            queue_follow(rig->queue, other[i], id, (struct revision){0, 0}, NULL, NULL, &follower, &problem),
-            QUEUE_NONE);
+        assert_int_equal(follower_new(rig->hub, other[i], 1, false, NULL, NULL, &follower), 0);
+        assert_int_equal(queue_follow(rig->queue, other[i], id, (struct revision){0, 0}, follower),
+                         QUEUE_NONE);
+        follower_free(follower);
     }
     assert_int_equal(queue_cancel(rig->queue, "shop", id, &body, &problem), 0);
     free(body);

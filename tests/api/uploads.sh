@@ -1,0 +1,45 @@
+#!/bin/bash
+# Meshes uploaded as they are and in forms, checked against the sender's digest, and given back in any format.
+. "$(dirname "$0")/lib.sh"
+start_daemon --workers 1
+meshes() { request POST /v1/meshes "$@"; }
+# digest ALGORITHM FILE: in base64
+digest() { printf "$("$1sum" "$2" | cut -d' ' -f1 | sed 's/../\\x&/g')" | base64 -w 0; }
+# Positions and triangles of a JSON mesh, as this script compares them.
+printf 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0.25\nv 1 1 1\nvt 0 0\nvt 0.1 0\nvt 0 0.1\nvt 0.5 0.5\nf 1/1 2/2 3/3\nf 2/2 4/4 3/3\n' >"$work/m.obj"
+sha=$(sha256sum "$work/m.obj" | cut -d' ' -f1)
+
+# ---- forms
+meshes -F "mesh=@$work/m.obj"
+is 'a form with a file is a new mesh, by the ending of its name' "$code" 201
+json 'what is kept is the file' ".sha256 == \"$sha\" and .format == \"obj\" and .vertices == 4"
+meshes -F "mesh=@$work/m.obj;type=model/obj;filename=x"; is 'by its type, and known' "$code" 200
+meshes -F "mesh=@$work/m.obj;type=model/gltf-binary"; is 'a known mesh is known whatever it is called' "$code" 200
+sed 's/0.25/0.5/' "$work/m.obj" >"$work/n.obj"
+meshes -F "mesh=@$work/n.obj;filename=shirt"; problem 'neither type nor ending' 415 unsupported-media-type
+meshes -F "mesh=@$work/n.obj;type=image/png"; problem 'another type' 415 unsupported-media-type
+meshes -F "mesh=@$work/n.obj;type=model/gltf-binary"; problem 'a type that it is not of' 422 invalid
+meshes -F "mesh=@$work/n.obj" -F "note=hello"; problem 'two parts' 400 bad-request
+like 'the byte is named' "$(jq -r .detail "$body")" '^Byte [0-9]+ of the form: a second part'
+meshes -H 'Content-Type: multipart/form-data' --data-binary x; problem 'no boundary' 400 bad-request
+meshes -H 'Content-Type: multipart/form-data; boundary=b' --data-binary x; problem 'no form' 400 bad-request
+request PUT "/v1/meshes/$sha" -F "mesh=@$work/m.obj"; problem 'a form that is put' 415 unsupported-media-type
+
+# ---- digests
+obj='Content-Type: model/obj'
+meshes -H "$obj" -H "Content-Digest: sha-256=:$(digest sha256 "$work/n.obj"):" --data-binary "@$work/n.obj"
+is 'a body with its digest is taken' "$code" 201
+meshes -H "$obj" -H "Content-Digest: sha-512=:$(digest sha512 "$work/n.obj"):" --data-binary "@$work/n.obj"
+is 'or with a longer one' "$code" 200
+meshes -H "$obj" -H "Content-Digest: sha-256=:$(digest sha256 "$work/m.obj"):" --data-binary "@$work/n.obj"
+problem 'with that of another' 400 digest-mismatch
+meshes -H "$obj" -H "Content-Digest: sha-256=abc" --data-binary "@$work/n.obj"; problem 'with none' 400 bad-request
+request PUT "/v1/meshes/$sha" -H "$obj" -H "Content-Digest: sha-256=:$(digest sha256 "$work/n.obj"):" --data-binary "@$work/m.obj"
+problem 'PUT too' 400 digest-mismatch
+square 4 >"$work/job"
+request POST /v1/jobs -H 'Content-Type: application/json' -H "Content-Digest: sha-256=:$(digest sha256 "$work/m.obj"):" --data-binary "@$work/job"
+problem 'and a job' 400 digest-mismatch
+request POST /v1/jobs -H 'Content-Type: application/json' -H "Content-Digest: sha-256=:$(digest sha256 "$work/job"):" --data-binary "@$work/job"
+is 'a job with its digest is taken' "$code" 202
+stop_daemon; is 'the daemon stops with status 0' "$status" 0
+finish
