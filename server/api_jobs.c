@@ -9,6 +9,7 @@
 
 #include "clock.h"
 #include "digest.h"
+#include "jsonout.h"
 #include "log.h"
 #include "meshref.h"
 #include "negotiate.h"
@@ -160,9 +161,9 @@ static int fill_job(const struct job_spec *spec, struct job *ret)
     ret->priority = spec->priority;
     if (spec->name[0] != '\0' && (ret->name = strdup(spec->name)) == NULL)
         return -1;
-    if (spec->labels != NULL && (ret->labels = json_dumps(spec->labels, JSON_COMPACT)) == NULL)
+    if (spec->labels != NULL && (ret->labels = jsonout_text(json_incref(spec->labels))) == NULL)
         return -1;
-    if (spec->warnings != NULL && (ret->warnings = json_dumps(spec->warnings, JSON_COMPACT)) == NULL)
+    if (spec->warnings != NULL && (ret->warnings = jsonout_text(json_incref(spec->warnings))) == NULL)
         return -1;
     return 0;
 }

@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "fitmap.h"
+#include "jsonout.h"
 
 /* 4.4: the magic, the version and the two chunk types, as little-endian numbers */
 #define GLB_MAGIC   0x46546C67u
@@ -400,7 +401,7 @@ static char *make_document(const struct block *block, size_t blocks, const struc
         rc = json_object_set_new(json_array_get(json_object_get(root, "meshes"), 0), "extras",
                                  color_legend(fit));
     if (root && rc == 0)
-        text = json_dumps(root, JSON_COMPACT);
+        text = jsonout_text(json_incref(root));
     json_decref(root);
     json_decref(views);
     json_decref(accessors);

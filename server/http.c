@@ -20,6 +20,7 @@
 #include "clock.h"
 #include "files.h"
 #include "id.h"
+#include "jsonout.h"
 #include "log.h"
 #include "pulse.h"
 
@@ -615,8 +616,7 @@ struct http_answer *http_answer_file(int status, const char *type, int fd, uint6
 struct http_answer *http_answer_problem(const struct http_request *request, const struct problem *problem)
 {
     json_t *body = problem_json(problem, request->path, request->id);
-    char *text = body == NULL ? NULL : json_dumps(body, JSON_COMPACT);
-    json_decref(body);
+    char *text = jsonout_text(body);
     struct http_answer *answer =
         http_answer_text(problem_status(problem->code), "application/problem+json", text);
     if (problem_status(problem->code) == 503 || problem_status(problem->code) == 429)

@@ -9,6 +9,7 @@
 #include <time.h>
 
 #include "clock.h"
+#include "jsonout.h"
 #include "keys.h"
 #include "line.h"
 #include "log.h"
@@ -224,9 +225,7 @@ static char *error_text(const struct problem *problem, const char *id)
     char instance[64] = "/v1/jobs/";
     strcat(instance, id);
     json_t *json = problem_json(problem, instance, NULL);
-    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
-    json_decref(json);
-    return text;
+    return jsonout_text(json);
 }
 
 /* The last progress, which may have come too soon after the one before to be told. Under the lock. */

@@ -8,6 +8,7 @@
 #include <strings.h>
 
 #include "api.h"
+#include "jsonout.h"
 #include "log.h"
 #include "meshfile.h"
 #include "multipart.h"
@@ -138,8 +139,7 @@ void call_refuse(struct call *call, enum problem_code code, const char *format, 
 
 struct http_answer *answer_json(int status, json_t *json)
 {
-    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
-    json_decref(json);
+    char *text = jsonout_text(json);
     return http_answer_text(status, "application/json", text);
 }
 

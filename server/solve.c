@@ -9,6 +9,7 @@
 #include "clock.h"
 #include "drape.h"
 #include "fields.h"
+#include "jsonout.h"
 #include "meshref.h"
 #include "output.h"
 #include "schema.h"
@@ -25,14 +26,6 @@ struct run {
     int64_t reported_ms; /* monotonic; 0: not yet */
 };
 
-/* The text of a JSON value, which it takes; NULL when out of memory. */
-static char *dump(json_t *json)
-{
-    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
-    json_decref(json);
-    return text;
-}
-
 static int on_progress(const drape_progress *progress, void *data)
 {
     struct run *run = data;
@@ -40,7 +33,7 @@ static int on_progress(const drape_progress *progress, void *data)
     run->last = *progress;
     run->has_progress = true;
     if (run->reported_ms == 0 || now - run->reported_ms >= SOLVE_PROGRESS_MS) {
-        char *json = dump(schema_progress_json(progress, &run->spec->options));
+        char *json = jsonout_text(schema_progress_json(progress, &run->spec->options));
         run->reported_ms = now;
         if (json != NULL)
             run->task->progress(json, run->task->data);
@@ -132,7 +125,7 @@ static int write_results(struct run *run, struct problem *reterr)
     run->outcome->iterations = report->iterations;
     json_t *lines;
     if (measure_lines(run, positions, &lines) == 0)
-        run->outcome->report = dump(schema_report_json(report, lines));
+        run->outcome->report = jsonout_text(schema_report_json(report, lines));
     if (run->outcome->report == NULL)
         return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     if (store_results_begin(task->store, task->id, task->attempt, &dirfd, reterr) != 0)
@@ -152,7 +145,7 @@ void solve_job(const struct solve_task *task, struct solve_outcome *ret)
         goto cleanup;
     drape_status status = drape(&run, &ret->error);
     if (run.has_progress)
-        ret->progress = dump(schema_progress_json(&run.last, &run.spec->options));
+        ret->progress = jsonout_text(schema_progress_json(&run.last, &run.spec->options));
     if (status == DRAPE_CANCELLED)
         ret->end = SOLVE_STOPPED;
     else if (status >= 0 && write_results(&run, &ret->error) == 0)

@@ -20,6 +20,7 @@
 
 #include "clock.h"
 #include "files.h"
+#include "jsonout.h"
 #include "log.h"
 #include "metrics.h"
 
@@ -501,9 +502,7 @@ static char *crash_error(void)
     struct problem problem;
     problem_set(&problem, PROBLEM_WORKER_CRASH, "The daemon died each time it ran this job.");
     json_t *json = problem_json(&problem, NULL, NULL);
-    char *text = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
-    json_decref(json);
-    return text;
+    return jsonout_text(json);
 }
 
 static int recover_rows(struct store *store, unsigned max_crashes, int64_t now_ms, struct problem *reterr)
