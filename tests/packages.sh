@@ -25,6 +25,8 @@ jq                    the demo and the tests read JSON with it'
 
 check='
 libcmocka-dev         the unit tests
+sqlite3               the store's integrity, looked at from outside
+python3-jsonschema    the answers, held against the OpenAPI document
 valgrind              the counts: instructions by function (callgrind)
 clang                 the fuzzers: libFuzzer
 libclang-rt-14-dev    the fuzzers: the sanitizer runtimes of clang

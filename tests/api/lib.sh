@@ -13,7 +13,7 @@ headers=$work/headers
 log=$work/log
 export CONFIGURATION_DIRECTORY=$work # not the settings of the machine
 pid='' url='' admin='' code=''
-tests=0
+tests=0 answers=0
 
 # ---- TAP ---------------------------------------------------------------------------------------
 
@@ -40,7 +40,16 @@ json() {
         not_ok "$1" "filter $2 gave $(head -c 200 "$work/jq")" "body $(head -c 600 "${3:-$body}")"
     fi
 }
-finish() { echo "1..$tests"; }
+finish() {
+    local said
+    if ((answers)); then
+        if said=$(tests/api/contract.py answers "$work/answers"); then ok 'every answer is as the OpenAPI document says'; else
+            not_ok 'every answer is as the OpenAPI document says' "$said"
+        fi
+        echo "# ${said##*$'\n'}"
+    fi
+    echo "1..$tests"
+}
 
 # ---- the daemon ----------------------------------------------------------------------------------
 
@@ -91,7 +100,19 @@ request() {
     shift 2
     [[ $path == /* ]] && path=$url$path
     [[ $method == HEAD ]] && set -- --head "$@"
+    : >"$body"
     code=$(curl -s --max-time 60 -X "$method" -o "$body" -D "$headers" -w '%{http_code}' "$@" "$path")
+    keep_answer "$method" "$path"
+}
+# keep_answer METHOD URL: for `finish`, which holds every answer against the OpenAPI document.
+keep_answer() {
+    local stem=$work/answers/$((answers += 1))
+    mkdir -p "$work/answers"
+    local listener=api
+    [[ $2 == "$admin"/* ]] && listener=admin
+    printf '%s\n' "$1" "$2" "$code" "$listener" >"$stem.meta"
+    cp "$headers" "$stem.headers"
+    cp "$body" "$stem.body"
 }
 header() { sed -n "s/^$1: *//Ip" "$headers" | tr -d '\r' | head -n 1; }
 

@@ -10,6 +10,7 @@ json 'info has a version' '.version | test("^[0-9]+\\.[0-9]+\\.[0-9]+$")'
 json 'info has limits, all positive' '.limits | type == "object" and length >= 5 and all(.[]; . > 0)'
 # What info names is what a job may name: both are held to the same document.
 openapi=server/openapi.json
+check 'the OpenAPI document is in order' tests/api/contract.py lint
 for list in method integrator; do
     json "info names every $list of the contract" ".${list}s == $(jq -c ".components.schemas.Solver.properties.$list.enum" $openapi)"
 done

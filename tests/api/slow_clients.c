@@ -82,7 +82,8 @@ int main(int argc, char **argv)
         snprintf(beginning, sizeof beginning, "GET /v1/info HTTP/1.1\r\nHost: x\r\nX-Slow: ");
     else if (kind == BODY)
         snprintf(beginning, sizeof beginning,
-                 "POST %s HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 100000\r\n\r\n{",
+                 "POST %s HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: "
+                 "100000\r\n\r\n{",
                  argv[5]);
     else
         snprintf(beginning, sizeof beginning, "GET %s HTTP/1.1\r\nHost: x\r\n\r\n", argv[5]);
