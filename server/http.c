@@ -103,6 +103,7 @@ struct http_answer {
     uint64_t bytes;
     struct http_wake *wake; /* of a stream; owned by the response */
     bool close;
+    bool lacks; /* a header, for want of memory: not to be sent */
 };
 
 /* ---- connections and their deadlines ---------------------------------------------------------------- */
@@ -633,7 +634,8 @@ void http_answer_header(struct http_answer *answer, const char *name, const char
     va_start(args, format);
     vsnprintf(value, sizeof value, format, args);
     va_end(args);
-    MHD_add_response_header(answer->response, name, value);
+    if (MHD_add_response_header(answer->response, name, value) != MHD_YES)
+        answer->lacks = true;
 }
 
 struct http_answer *http_answer_free(struct http_answer *answer)
@@ -646,6 +648,8 @@ struct http_answer *http_answer_free(struct http_answer *answer)
 
 void http_send(struct http_request *request, struct http_answer *answer)
 {
+    if (answer != NULL && answer->lacks)
+        answer = http_answer_free(answer);
     if (answer == NULL)
         answer = http_answer_empty(500);
     pthread_mutex_lock(&request->http->lock);
