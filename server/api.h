@@ -14,6 +14,7 @@
 #include "health.h"
 #include "http.h"
 #include "id.h"
+#include "idempotency.h"
 #include "keys.h"
 #include "metrics.h"
 #include "queue.h"
@@ -30,6 +31,7 @@ struct api { /* wired by main; outlives the listeners */
     struct metrics *metrics;
     struct fields *fields;
     struct waits *waits;
+    struct claims *claims;
     struct executor *clerk, *reader;
     const char *blas; /* the BLAS kernel in use */
     struct health health;
@@ -42,11 +44,14 @@ struct call {
     struct api *api;
     struct http_request *request;
     const struct route *route;
-    char owner[KEY_NAME_SIZE]; /* whose jobs and meshes it sees: the name of its key; "" without keys */
-    char id[SHA256_SIZE];      /* the {id} or {sha256} of the path; "" for routes without */
-    char job_id[ID_SIZE];      /* of the job that a waiting POST made */
-    call_fn *next;             /* what the executor is to run */
-    bool untimed;              /* a stream or a wait: says nothing about our speed */
+    char owner[KEY_NAME_SIZE];      /* whose jobs and meshes it sees: the name of its key; "" without keys */
+    char id[SHA256_SIZE];           /* the {id} or {sha256} of the path; "" for routes without */
+    char job_id[ID_SIZE];           /* of the job that a waiting POST made */
+    call_fn *next;                  /* what the executor is to run */
+    char key[IDEMPOTENCY_KEY_SIZE]; /* of a POST; "": none */
+    struct claim claim;             /* of that key, until the job is committed or refused */
+    bool replayed;                  /* the answer is one that was given before */
+    bool untimed;                   /* a stream or a wait: says nothing about our speed */
 };
 
 /* Goes on with `next` on the clerk's or the reader's thread. call_defer is for the HTTP thread and
@@ -80,7 +85,7 @@ void job_wait_expired(struct http_request *request, void *data);
 call_fn job_events, jobs_events;
 
 /* api_meshes.c */
-call_fn mesh_put, mesh_post, mesh_get;
+call_fn mesh_put, mesh_post, mesh_get, mesh_delete;
 
 /* api_about.c */
 call_fn about_info, about_materials, about_openapi, about_root, admin_livez, admin_readyz, admin_metrics;

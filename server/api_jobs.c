@@ -66,10 +66,12 @@ int job_look_up(struct api *api, const char *owner, const char *id, char **ret_b
 /* ---- waiting --------------------------------------------------------------------------------------- */
 
 /* The answer of a POST: 202, or 200 when it saw the end. Takes `body`. */
-static struct http_answer *answer_post(const char *id, struct revision revision, char *body, bool ended,
-                                       bool waited)
+static struct http_answer *answer_post(const struct call *call, const char *id, struct revision revision,
+                                       char *body, bool ended, bool waited)
 {
     struct http_answer *answer = answer_body(ended ? 200 : 202, revision, body, ended);
+    if (call->replayed)
+        http_answer_header(answer, "Idempotency-Replayed", "true");
     http_answer_header(answer, "Location", "/v1/jobs/%s", id);
     if (ended && waited)
         http_answer_header(answer, "Preference-Applied", "wait");
@@ -92,7 +94,7 @@ static struct http_answer *answer_get(struct call *call, struct revision revisio
 static struct http_answer *answer_waiting(struct call *call, struct revision revision, char *body, bool ended)
 {
     if (call->job_id[0] != '\0')
-        return answer_post(call->job_id, revision, body, ended, true);
+        return answer_post(call, call->job_id, revision, body, ended, true);
     struct http_answer *answer = answer_get(call, revision, body, ended);
     http_answer_header(answer, "Preference-Applied", "wait");
     return answer;
@@ -168,56 +170,112 @@ static int fill_job(const struct job_spec *spec, struct job *ret)
     return 0;
 }
 
-/* Reads, checks and commits; 0 with the job's id and body, or -1 with *reterr. */
-static int accept_job(struct call *call, char ret_id[ID_SIZE], char **ret_body, struct problem *reterr)
+/* Checks and commits the body in *submission; 0 with the job's id and body, QUEUE_TAKEN, or -1 with *reterr.
+ */
+static int accept_job(struct call *call, struct store_submission *submission, char ret_id[ID_SIZE],
+                      char **ret_body, struct problem *reterr)
 {
     struct api *api = call->api;
-    struct meshref meshref = {api->store, call->owner, &api->config->limits};
+    struct meshref_list meshes = {0};
+    struct meshref meshref = {api->store, call->owner, &api->config->limits, &meshes};
     struct job_spec *spec = NULL;
     struct job job = {0};
-    const void *text;
-    size_t bytes;
-    if (http_body(call->request, &text, &bytes) != 0)
-        return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
-    if (digest_check(http_header(call->request, "Content-Digest"), text, bytes, reterr) != 0)
-        return -1;
-    int failed = schema_job_parse(text, bytes, &api->config->limits, meshref_load, &meshref, &spec, reterr);
-    if (failed)
-        return -1;
-    failed = fill_job(spec, &job);
+    int failed = schema_job_parse(submission->document, submission->bytes, &api->config->limits, meshref_load,
+                                  &meshref, &spec, reterr);
+    if (!failed && (failed = fill_job(spec, &job)) != 0)
+        problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     memcpy(job.owner, call->owner, sizeof job.owner);
     memcpy(ret_id, job.id, sizeof job.id);
-    if (failed)
-        problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    else if (spec->start_from[0] != '\0')
+    if (!failed && spec->start_from[0] != '\0')
         failed = start_keep(&meshref, ret_id, spec, reterr);
     job_spec_free(spec);
+    submission->mesh = (const char(*)[SHA256_SIZE])meshes.sha256;
+    submission->meshes = meshes.count;
     if (!failed)
-        failed = queue_submit(api->queue, &job, text, bytes, ret_body, reterr);
+        failed = queue_submit(api->queue, &job, submission, ret_body, reterr);
     job_done(&job);
+    meshref_list_done(&meshes);
     if (!failed)
-        log_event(LOG_LEVEL_INFO, "job.accepted", "job=%s bytes=%zu request=%s", ret_id, bytes,
+        log_event(LOG_LEVEL_INFO, "job.accepted", "job=%s bytes=%zu request=%s", ret_id, submission->bytes,
                   http_request_id(call->request));
     return failed;
 }
 
-void job_post(struct call *call)
+/* Whether a job that was accepted once has not been removed since. */
+static bool is_there(struct call *call, const char *id)
 {
     struct problem problem;
-    char id[ID_SIZE], *body;
-    if (accept_job(call, id, &body, &problem) != 0) {
-        call_problem(call, &problem);
-        return;
-    }
-    http_drop_body(call->request);
+    struct revision revision;
+    char *body;
+    bool ended;
+    if (job_look_up(call->api, call->owner, id, &body, &revision, &ended, &problem) != 0)
+        return false;
+    free(body);
+    return true;
+}
+
+/* Answers for a job that is on disk; takes `body`, that of its first answer. */
+static void answer_accepted(struct call *call, const char *id, char *body)
+{
     int seconds = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S);
-    if (seconds > 0) {
+    if (seconds > 0 && (!call->replayed || is_there(call, id))) {
         free(body);
-        memcpy(call->job_id, id, sizeof id);
+        memcpy(call->job_id, id, sizeof call->job_id);
         wait_for_job(call, id, (struct revision){0, 0}, seconds);
     } else {
-        http_send(call->request, answer_post(id, (struct revision){1, 1}, body, false, false));
+        http_send(call->request, answer_post(call, id, (struct revision){1, 1}, body, false, false));
     }
+}
+
+/* Gives the first answer again where the key and the body are those of an earlier request: 0, STORE_NONE
+ * where the key is new, -1 with *reterr. */
+static int find_answer(struct call *call, const char *digest, char ret_id[ID_SIZE], char **ret_body,
+                       struct problem *reterr)
+{
+    struct store_answer answer;
+    int found =
+        store_answer_get(call->api->store, call->owner, call->key, clock_steady_ms(), &answer, reterr);
+    if (found != 0)
+        return found;
+    if (strcmp(answer.digest, digest) != 0) {
+        free(answer.body);
+        return problem_set(reterr, PROBLEM_KEY_MISMATCH,
+                           "This Idempotency-Key came before, with another body.");
+    }
+    memcpy(ret_id, answer.job, sizeof answer.job);
+    *ret_body = answer.body;
+    call->replayed = true;
+    log_event(LOG_LEVEL_INFO, "job.replayed", "job=%s request=%s", ret_id, http_request_id(call->request));
+    return 0;
+}
+
+void job_post(struct call *call)
+{
+    struct store_submission submission = {.at_ms = clock_steady_ms()};
+    struct problem problem;
+    char id[ID_SIZE], digest[SHA256_SIZE], *body;
+    int result = STORE_NONE;
+    if (http_body(call->request, &submission.document, &submission.bytes) != 0) {
+        result = problem_set(&problem, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    } else if (digest_check(http_header(call->request, "Content-Digest"), submission.document,
+                            submission.bytes, &problem) != 0) {
+        result = -1;
+    } else if (call->key[0] != '\0') {
+        sha256_hex(submission.document, submission.bytes, digest);
+        submission.key = call->key;
+        submission.digest = digest;
+        result = find_answer(call, digest, id, &body, &problem);
+    }
+    if (result == STORE_NONE)
+        result = accept_job(call, &submission, id, &body, &problem);
+    claims_release(call->api->claims, &call->claim);
+    http_drop_body(call->request);
+    if (result == 0)
+        answer_accepted(call, id, body);
+    else if (result == QUEUE_TAKEN)
+        call_refuse(call, PROBLEM_KEY_IN_FLIGHT, "Another request with this key was just faster.");
+    else
+        call_problem(call, &problem);
 }
 
 /* ---- GET, DELETE ------------------------------------------------------------------------------------- */
@@ -281,7 +339,7 @@ void job_delete(struct call *call)
         return;
     }
     if (found == QUEUE_NONE)
-        found = store_job_remove(call->api->store, call->owner, call->id, clock_wall_ms(), &problem);
+        found = store_job_remove(call->api->store, call->owner, call->id, clock_steady_ms(), &problem);
     if (found == 0 || found == STORE_GONE)
         http_send(call->request, http_answer_empty(204));
     else
@@ -324,7 +382,7 @@ static int parse_cursor(const char *text, int64_t *ret)
 
 struct list_query {
     struct store_filter filter;
-    char status[16], label[512], cursor[32], limit[8];
+    char status[16], label[512], created_after[64], cursor[32], limit[8];
 };
 
 /* Reads one argument; `buffer` is "" when it is absent. -1 with *reterr. */
@@ -340,15 +398,21 @@ static int read_argument(const struct call *call, const char *name, char *buffer
 static int read_query(const struct call *call, struct list_query *ret, struct problem *reterr)
 {
     struct store_filter *filter = &ret->filter;
-    *filter =
-        (struct store_filter){.owner = call->owner, .status = -1, .before = INT64_MAX, .limit = LIST_DEFAULT};
+    *filter = (struct store_filter){.owner = call->owner,
+                                    .status = -1,
+                                    .created_after_ms = -1,
+                                    .before = INT64_MAX,
+                                    .limit = LIST_DEFAULT};
     if (read_argument(call, "status", ret->status, sizeof ret->status, reterr) != 0 ||
         read_argument(call, "label", ret->label, sizeof ret->label, reterr) != 0 ||
+        read_argument(call, "created_after", ret->created_after, sizeof ret->created_after, reterr) != 0 ||
         read_argument(call, "cursor", ret->cursor, sizeof ret->cursor, reterr) != 0 ||
         read_argument(call, "limit", ret->limit, sizeof ret->limit, reterr) != 0)
         return -1;
     if (ret->status[0] != '\0' && (filter->status = job_status_from_name(ret->status)) < 0)
         return problem_set(reterr, PROBLEM_BAD_REQUEST, "There is no such status.");
+    if (ret->created_after[0] != '\0' && clock_parse(ret->created_after, &filter->created_after_ms) != 0)
+        return problem_set(reterr, PROBLEM_BAD_REQUEST, "created_after must be a date-time as of RFC 3339.");
     if (ret->cursor[0] != '\0' && parse_cursor(ret->cursor, &filter->before) != 0)
         return problem_set(reterr, PROBLEM_BAD_CURSOR, "The cursor is not one that this server gave.");
     if (ret->limit[0] != '\0') {
@@ -392,6 +456,10 @@ static void add_next_link(struct http_answer *answer, const struct list_query *q
         write_escaped(out, query->filter.label_name);
         fputs("%3A", out);
         write_escaped(out, query->filter.label_value);
+    }
+    if (query->created_after[0] != '\0') {
+        fputs("&created_after=", out);
+        write_escaped(out, query->created_after);
     }
     fputs(">; rel=\"next\"", out);
     fclose(out);

@@ -105,7 +105,7 @@ static int keep_mesh(struct call *call, const struct upload *upload, struct stor
     mesh->vertices = parsed.vertices;
     mesh->triangles = parsed.triangles;
     mesh_done(&parsed);
-    return store_mesh_add(call->api->store, call->owner, mesh, upload->data, clock_wall_ms(), reterr);
+    return store_mesh_add(call->api->store, call->owner, mesh, upload->data, clock_steady_ms(), reterr);
 }
 
 /* `expected`: the digest in the path, or NULL. */
@@ -126,6 +126,8 @@ static void take_mesh(struct call *call, const char *expected)
     }
     int found = store_mesh_get(call->api->store, call->owner, digest, &mesh, &problem);
     bool known = found == 0;
+    if (known)
+        found = store_mesh_touch(call->api->store, call->owner, digest, clock_steady_ms(), &problem);
     if (found == STORE_NONE) {
         memcpy(mesh.sha256, digest, sizeof digest);
         found = keep_mesh(call, &upload, &mesh, &problem);
@@ -163,6 +165,8 @@ void mesh_get(struct call *call)
         call_problem(call, &problem);
         return;
     }
+    /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
+    store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
     snprintf(etag, sizeof etag, "\"%s\"", call->id);
     struct http_answer *answer =
         http_answer_file(200, mesh_format_media_type((enum mesh_format)mesh.format), fd, mesh.bytes);
@@ -173,4 +177,21 @@ void mesh_get(struct call *call)
     http_answer_header(answer, "ETag", "%s", etag);
     http_answer_header(answer, "Cache-Control", "private, max-age=31536000, immutable");
     http_send(call->request, answer);
+}
+
+void mesh_delete(struct call *call)
+{
+    struct problem problem;
+    int found = store_mesh_remove(call->api->store, call->owner, call->id, &problem);
+    if (found == STORE_NONE)
+        problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
+    else if (found == STORE_IN_USE)
+        problem_set(&problem, PROBLEM_IN_USE, "A job that has not ended names the mesh.");
+    if (found != 0) {
+        call_problem(call, &problem);
+        return;
+    }
+    log_event(LOG_LEVEL_INFO, "mesh.removed", "sha256=%s request=%s", call->id,
+              http_request_id(call->request));
+    http_send(call->request, http_answer_empty(204));
 }

@@ -133,6 +133,34 @@ int files_remove(int dirfd, const char *name)
     return unlinkat(dirfd, name, AT_REMOVEDIR);
 }
 
+struct sum {
+    int dirfd;
+    uint64_t bytes;
+};
+
+static void add_size(const char *name, void *data)
+{
+    struct sum *sum = data;
+    struct stat st;
+    if (fstatat(sum->dirfd, name, &st, AT_SYMLINK_NOFOLLOW) == 0)
+        sum->bytes += (uint64_t)st.st_size;
+}
+
+uint64_t files_size(int dirfd, const char *name)
+{
+    struct stat st;
+    if (fstatat(dirfd, name, &st, AT_SYMLINK_NOFOLLOW) != 0)
+        return 0;
+    if (!S_ISDIR(st.st_mode))
+        return (uint64_t)st.st_size;
+    struct sum sum = {openat(dirfd, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC), 0};
+    if (sum.dirfd < 0)
+        return 0;
+    files_list(sum.dirfd, add_size, &sum);
+    close(sum.dirfd);
+    return sum.bytes;
+}
+
 /* Reads exactly `bytes`; a file that ends early is an error. */
 static int read_all(int fd, char *data, size_t bytes)
 {

@@ -5,6 +5,7 @@
 #define DRAPED_FILES_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 int files_make_dir(int dirfd, const char *name, int *ret_fd); /* opens it; existing is fine */
 
@@ -22,6 +23,9 @@ int files_publish_dir(int dirfd, const char *name, const char *new_name);
 
 /* Removes a file, or a folder with the files in it; one that is not there is fine. */
 int files_remove(int dirfd, const char *name);
+
+/* The bytes of a file, or of the files in a folder; 0 for what is not there. */
+uint64_t files_size(int dirfd, const char *name);
 
 /* Whether `dir` takes writes now: a page goes into an unnamed file. */
 int files_probe(const char *dir);

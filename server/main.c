@@ -206,7 +206,7 @@ static int make_rooms(struct server *s)
     api->config = &s->config;
     if ((api->metrics = metrics_new()) == NULL ||
         (api->hub = hub_new(s->config.limits.streams, s->config.limits.streams_per_key)) == NULL ||
-        (api->waits = waits_new(&answers)) == NULL ||
+        (api->waits = waits_new(&answers)) == NULL || (api->claims = claims_new()) == NULL ||
         (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
         return fail("rooms", "out of memory");
     if (s->config.keys[0] != '\0' &&
@@ -351,6 +351,7 @@ static void stop(struct server *s)
     api->queue = queue_free(api->queue);
     api->fields = fields_free(api->fields);
     api->waits = waits_free(api->waits);
+    api->claims = claims_free(api->claims);
     api->hub = hub_free(api->hub);
     api->store = store_close(api->store);
     api->metrics = metrics_free(api->metrics);

@@ -29,6 +29,8 @@ static const struct metric_row metric_table[METRICS] = {
     [METRIC_JOBS_CANCELED] = {"draped_jobs_ended_total", COUNTER, "status=\"canceled\"", "Jobs ended."},
     [METRIC_JOBS_REQUEUED] = {"draped_jobs_requeued_total", COUNTER, "",
                               "Running jobs put back to the queue by a restart."},
+    [METRIC_JOBS_PRUNED] = {"draped_jobs_pruned_total", COUNTER, "",
+                            "Ended jobs removed by age, number or size."},
     [METRIC_ITERATIONS] = {"draped_iterations_total", COUNTER, "", "Solver iterations of ended runs."},
     [METRIC_QUEUE_SECONDS] = {"draped_queue_seconds", HISTOGRAM, "", "Time from acceptance to start."},
     [METRIC_RUN_SECONDS] = {"draped_run_seconds", HISTOGRAM, "", "Time from start to end."},

@@ -14,6 +14,7 @@ enum metric { /* names, help and types: the table in metrics.c, in this order */
               METRIC_JOBS_FAILED,
               METRIC_JOBS_CANCELED,
               METRIC_JOBS_REQUEUED,
+              METRIC_JOBS_PRUNED,
               METRIC_ITERATIONS,
               METRIC_QUEUE_SECONDS,  /* observed when a job starts */
               METRIC_RUN_SECONDS,    /* observed when a job ends */

@@ -21,12 +21,15 @@ enum problem_code {
     PROBLEM_NOT_ACCEPTABLE,     /* 406 */
     PROBLEM_NOT_READY,          /* 409: no result yet */
     PROBLEM_NO_RESULT,          /* 409: ended without one */
+    PROBLEM_IN_USE,             /* 409: a job that has not ended needs it */
+    PROBLEM_KEY_IN_FLIGHT,      /* 409: the first request with that Idempotency-Key is not answered yet */
     PROBLEM_GONE,               /* 410 */
     PROBLEM_LENGTH,             /* 413: body too large */
     PROBLEM_MEDIA_TYPE,         /* 415 */
     PROBLEM_INVALID,            /* 422: a member of the job or mesh is wrong; errors[] has pointers */
     PROBLEM_UNSUPPORTED,        /* 422: in the contract, not in this version; errors[] has pointers */
     PROBLEM_TOO_LARGE,          /* 422: a count over its limit; errors[] has pointers */
+    PROBLEM_KEY_MISMATCH,       /* 422: that Idempotency-Key came with another body */
     PROBLEM_TOO_MANY_STREAMS,   /* 429 */
     PROBLEM_QUOTA_QUEUED,       /* 429: the key's share of the queue */
     PROBLEM_QUOTA_MESHES,       /* 429: the key's bytes of meshes */

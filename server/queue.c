@@ -464,18 +464,35 @@ int queue_admits(struct queue *queue, const char *owner, struct problem *reterr)
     return result;
 }
 
-/* Takes the item's place among the queued jobs, which it has from here on. 0, or -1 with *reterr. */
-static int reserve(struct queue *queue, struct item *item, struct problem *reterr)
+/* Takes the item's place among the queued jobs, which it has from here on. 0 with the body that is answered,
+ * or -1 with *reterr. */
+static int reserve(struct queue *queue, struct item *item, char **ret_body, struct problem *reterr)
 {
     pthread_mutex_lock(&queue->lock);
     int failed = admits(queue, item->job.owner, reterr);
     if (!failed && own_item(queue, item) != 0)
         failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    /* Before the commit: what is answered is kept with the job, to be given again word for word. */
+    *ret_body = failed ? NULL : job_body(&item->job, queue->queued);
+    if (!failed && *ret_body == NULL) {
+        disown_item(queue, item);
+        failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    }
     pthread_mutex_unlock(&queue->lock);
     return failed;
 }
 
-int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
+/* The store did not take a job: -1 with *reterr, or QUEUE_TAKEN. */
+static int refuse_submission(int result, struct problem *reterr)
+{
+    if (result == STORE_TAKEN)
+        return QUEUE_TAKEN;
+    return result == STORE_WITHOUT
+               ? problem_set(reterr, PROBLEM_INVALID, "A mesh of the job has just been removed.")
+               : -1;
+}
+
+int queue_submit(struct queue *queue, struct job *job, struct store_submission *submission, char **ret_body,
                  struct problem *reterr)
 {
     job->status = JOB_QUEUED;
@@ -484,30 +501,31 @@ int queue_submit(struct queue *queue, struct job *job, const void *document, siz
     struct item *item = item_new(queue, job);
     if (item == NULL)
         return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    int failed = reserve(queue, item, reterr);
+    char *body;
+    int failed = reserve(queue, item, &body, reterr);
     if (failed) {
         store_start_drop(queue->setup.store, item->job.id);
         free_item(item);
         return -1;
     }
-    failed = store_job_add(queue->setup.store, &item->job, document, bytes, reterr);
+    submission->answer = body;
+    failed = store_job_add(queue->setup.store, &item->job, submission, reterr);
     pthread_mutex_lock(&queue->lock);
     bool entered = !failed && add_item(queue, item) == 0;
-    char *body = entered ? body_of(queue, item) : NULL;
     if (!entered)
         disown_item(queue, item);
     pthread_mutex_unlock(&queue->lock);
-    if (!entered)
-        free_item(item);
-    if (failed)
-        return -1;
+    if (entered) {
+        metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
+        *ret_body = body;
+        return 0;
+    }
+    free_item(item);
+    free(body);
     /* Without memory to enter it, the job is durable and the next start takes it up: not a refusal we
      * could take back, so it is reported as a failure of ours. */
-    if (body == NULL)
-        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
-    *ret_body = body;
-    return 0;
+    return failed ? refuse_submission(failed, reterr)
+                  : problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
 }
 
 int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,

@@ -18,11 +18,11 @@
 #include "job.h"
 #include "limits.h"
 #include "problem.h"
+#include "store.h"
 #include "stream.h"
 
 struct fields;
 struct metrics;
-struct store;
 struct queue;
 
 /* How many times the daemon may die under a job before the job is given up. */
@@ -50,9 +50,12 @@ int queue_start(struct queue *queue, struct problem *reterr);
 int queue_admits(struct queue *queue, const char *owner, struct problem *reterr);
 
 /* Store. Takes the texts of *job (emptying it) whose id, owner, priority and texts are set, and what was kept
- * for it to start from. On success (0) the job is durable and *ret_body its body, which the caller frees. */
-int queue_submit(struct queue *queue, struct job *job, const void *document, size_t bytes, char **ret_body,
+ * for it to start from; submission->answer is set here. On success (0) the job is durable and *ret_body its
+ * body, which the caller frees. QUEUE_TAKEN: there is an answer under that key. */
+int queue_submit(struct queue *queue, struct job *job, struct store_submission *submission, char **ret_body,
                  struct problem *reterr);
+
+#define QUEUE_TAKEN 2
 
 #define QUEUE_NONE 1 /* not here: ended, never was, or another owner's */
 

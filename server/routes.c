@@ -37,6 +37,7 @@ static const struct route route_table[] = {
     {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, mesh_post},
     {ROUTES_API, "PUT", "/v1/meshes/{sha256}", ON_READER, MESH_BODY, mesh_put},
     {ROUTES_API, "GET", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, mesh_get},
+    {ROUTES_API, "DELETE", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, mesh_delete},
     {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, about_materials},
     {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, about_info},
     {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, about_openapi},
@@ -120,7 +121,7 @@ void call_defer(struct call *call, struct executor *executor, call_fn *next)
 void call_problem(struct call *call, const struct problem *problem)
 {
     struct http_answer *answer = http_answer_problem(call->request, problem);
-    if (problem->code == PROBLEM_NOT_READY)
+    if (problem->code == PROBLEM_NOT_READY || problem->code == PROBLEM_KEY_IN_FLIGHT)
         http_answer_header(answer, "Retry-After", "1");
     http_send(call->request, answer);
 }
@@ -181,24 +182,35 @@ static void refuse_stranger(struct call *call)
     http_send(call->request, answer);
 }
 
+static int read_key(struct call *call, const char *header, struct problem *reterr)
+{
+    if (idempotency_key_parse(header, call->key) == 0)
+        return 0;
+    return problem_set(reterr, PROBLEM_BAD_REQUEST,
+                       "An Idempotency-Key is a string of 1 to %d visible ASCII characters.",
+                       IDEMPOTENCY_KEY_SIZE - 1);
+}
+
 /* What can be refused before a body is read; 0, or -1 with *reterr. */
-static int check_body_head(const struct call *call, struct problem *reterr)
+static int check_body_head(struct call *call, struct problem *reterr)
 {
     const char *type = http_header(call->request, "Content-Type");
     const char *coding = http_header(call->request, "Content-Encoding");
-    if (health_has_space(&call->api->health, reterr) != 0)
-        return -1;
+    const char *key = http_header(call->request, "Idempotency-Key");
     if (coding != NULL && strcasecmp(coding, "identity") != 0)
         return problem_set(reterr, PROBLEM_MEDIA_TYPE,
                            "Bodies are taken as they are, without Content-Encoding.");
     if (call->route->body == JOB_BODY) {
-        /* A client that relies on a key retries: without one kept, each try would be another job. */
-        if (http_header(call->request, "Idempotency-Key") != NULL)
-            return problem_set(reterr, PROBLEM_UNSUPPORTED, "Idempotency-Key is not done in this version.");
         if (!negotiate_is_type(type, "application/json"))
             return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");
+        if (key != NULL)
+            return read_key(call, key, reterr); /* what was accepted before is told however full it is now */
+        if (health_has_space(&call->api->health, reterr) != 0)
+            return -1;
         return queue_admits(call->api->queue, call->owner, reterr);
     }
+    if (health_has_space(&call->api->health, reterr) != 0)
+        return -1;
     if (strcmp(call->route->method, "POST") == 0) {
         char boundary[MULTIPART_BOUNDARY_SIZE];
         int form = multipart_boundary(type, boundary, reterr);
@@ -242,7 +254,10 @@ void routes_handle(struct http_request *request, void *data)
 {
     struct call *call = http_context(request);
     (void)data;
-    if (call->route->where == ON_LOOP)
+    /* Not before the body is whole: of one that hung up half-way nobody would hear for a minute. */
+    if (call->key[0] != '\0' && !claims_take(call->api->claims, &call->claim, call->owner, call->key))
+        call_refuse(call, PROBLEM_KEY_IN_FLIGHT, "The first request with this key is still being worked on.");
+    else if (call->route->where == ON_LOOP)
         call->route->handler(call);
     else if (call->route->where == ON_CLERK)
         call_defer(call, call->api->clerk, call->route->handler);
@@ -271,5 +286,7 @@ void routes_finished(struct http_request *request, int status, int64_t milliseco
     log_event(status >= 500 ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG, "http.request",
               "method=%s route=%s status=%d ms=%lld request=%s", known_method(http_method(request)), route,
               status, (long long)milliseconds, http_request_id(request));
+    if (call != NULL)
+        claims_release(routes->api->claims, &call->claim); /* of one that was never handled */
     free(call);
 }

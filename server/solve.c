@@ -44,7 +44,7 @@ static int on_progress(const drape_progress *progress, void *data)
 static int load(struct run *run, struct problem *reterr)
 {
     const struct solve_task *task = run->task;
-    struct meshref meshref = {task->store, task->owner, task->limits};
+    struct meshref meshref = {task->store, task->owner, task->limits, NULL};
     char *text;
     size_t bytes;
     if (store_job_document(task->store, task->id, &text, &bytes, reterr) != 0)

@@ -1,6 +1,7 @@
 /* store.h - what must survive: jobs, results and meshes in the data folder.
  *
  *   draped.db               SQLite: one row per job, and per mesh and owner
+ *   draped.reserve          empty blocks, see database.h
  *   draped.lock             held by the one daemon that may use the folder
  *   jobs/<id>.json          the document as it was posted
  *   jobs/<id>.from, .start  of a re-drape that has not ended: document and drape of the job it starts from
@@ -12,7 +13,7 @@
  * that speaks of it is committed; so a row never promises a file that is not there, and what no row
  * speaks of is removed at the next start.
  *
- * Any thread may call anything but open and close. One lock (inside) serialises the one database
+ * Any thread may call anything but open and close. One lock (inside, database.h) serialises the one
  * connection; it is held for one short transaction, never while files are written, and nothing else
  * is locked under it. Every call may wait for the disk: not for the HTTP thread.
  *
@@ -33,8 +34,12 @@
 struct metrics;
 struct store;
 
-#define STORE_NONE 1
-#define STORE_GONE 2 /* there was such a job; it was removed */
+#define STORE_NONE       1
+#define STORE_GONE       2 /* there was such a job; it was removed */
+#define STORE_UNFINISHED 3 /* there is such a job, and it has not ended */
+#define STORE_WITHOUT    4 /* there is, without what it should have */
+#define STORE_TAKEN      5 /* somebody else was first */
+#define STORE_IN_USE     6 /* a job that has not ended needs it */
 
 /* Creates the folder when it is missing. `metrics` may be NULL. */
 int store_open(const char *dir, struct metrics *metrics, struct store **ret, struct problem *reterr);
@@ -55,8 +60,21 @@ typedef int store_job_fn(const struct job *job, void *data); /* borrowed; nonzer
 int store_recover(struct store *store, unsigned max_crashes, int64_t now_ms, store_job_fn *each, void *data,
                   struct problem *reterr);
 
-/* A queued job with its document: durable once this returns 0; else what store_start_keep kept is dropped. */
-int store_job_add(struct store *store, const struct job *job, const void *document, size_t bytes,
+struct store_submission { /* what comes with a new job; all borrowed */
+    const void *document;
+    size_t bytes;
+    const char (*mesh)[SHA256_SIZE]; /* those that it needs, each once; kept until it has ended */
+    size_t meshes;
+    const char *key;    /* its Idempotency-Key; NULL: none */
+    const char *digest; /* with a key: SHA-256 of the request's body, hex */
+    const char *answer; /* with a key: the body of the answer to it */
+    int64_t at_ms;      /* with a key: now, by clock_steady_ms */
+};
+
+/* A queued job with its document and the answer under its key, all in one transaction: durable once this
+ * returns 0; else what store_start_keep kept is dropped. STORE_WITHOUT: a mesh of it is not there (any
+ * more); STORE_TAKEN: there is an answer under that key. */
+int store_job_add(struct store *store, const struct job *job, const struct store_submission *submission,
                   struct problem *reterr);
 
 /* Each of these is one compare-and-set on (state, attempt); exactly one of two racing calls wins.
@@ -89,7 +107,8 @@ struct store_filter {
     int status;             /* enum job_status; -1: any */
     const char *label_name; /* NULL: any */
     const char *label_value;
-    int64_t before; /* only jobs older than this position; INT64_MAX: from the newest */
+    int64_t created_after_ms; /* only jobs created later; -1: any */
+    int64_t before;           /* only jobs older than this position; INT64_MAX: from the newest */
     size_t limit;
 };
 
@@ -97,6 +116,21 @@ struct store_filter {
  * remain. */
 int store_job_list(struct store *store, const struct store_filter *filter, store_job_fn *each, void *data,
                    int64_t *ret_last, bool *ret_more, struct problem *reterr);
+
+/* ---- answers -------------------------------------------------------------------------------------
+ * What was answered to the request that made a job is kept under its Idempotency-Key for a day. */
+
+#define STORE_ANSWER_MS ((int64_t)24 * 60 * 60 * 1000)
+
+struct store_answer {
+    char digest[SHA256_SIZE]; /* of the request's body */
+    char job[ID_SIZE];
+    char *body; /* of the answer; the caller frees it */
+};
+
+/* What was answered at most STORE_ANSWER_MS before `now_ms` (clock_steady_ms). */
+int store_answer_get(struct store *store, const char *owner, const char *key, int64_t now_ms,
+                     struct store_answer *ret, struct problem *reterr);
 
 /* ---- results ------------------------------------------------------------------------------------- */
 
@@ -119,8 +153,6 @@ int store_result_open(struct store *store, const char *id, uint32_t attempt, con
  * STORE_WITHOUT where it ended without that file. */
 int store_start_keep(struct store *store, const char *owner, const char *id, const char *from,
                      const char *file, struct problem *reterr);
-#define STORE_UNFINISHED 3
-#define STORE_WITHOUT    4
 void store_start_drop(struct store *store, const char *id);
 
 /* The document of the job that `id` starts from, and its drape; the caller frees both. */
@@ -139,7 +171,8 @@ struct store_mesh {
     size_t vertices, triangles;
 };
 
-/* Keeps `data` (mesh->bytes of it) under its digest. A mesh that is there already stays as it is. */
+/* Keeps `data` (mesh->bytes of it) under its digest. A mesh that is there already stays as it is, but counts
+ * as touched. */
 int store_mesh_add(struct store *store, const char *owner, const struct store_mesh *mesh, const void *data,
                    int64_t now_ms, struct problem *reterr);
 int store_mesh_get(struct store *store, const char *owner, const char *sha256, struct store_mesh *ret,
@@ -150,5 +183,31 @@ int store_mesh_open(struct store *store, const char *owner, const char *sha256, 
 
 /* Of all meshes of the owner together. */
 int store_mesh_bytes(struct store *store, const char *owner, uint64_t *ret, struct problem *reterr);
+/* Puts off the mesh's pruning, now and then: at most one write an hour. */
+int store_mesh_touch(struct store *store, const char *owner, const char *sha256, int64_t now_ms,
+                     struct problem *reterr);
+
+/* STORE_IN_USE: a job that has not ended needs it. Jobs that have ended do not hold it. */
+int store_mesh_remove(struct store *store, const char *owner, const char *sha256, struct problem *reterr);
+
+/* ---- pruning ------------------------------------------------------------------------------------- */
+
+struct store_policy {
+    uint64_t jobs;  /* ended jobs kept, */
+    uint64_t bytes; /* with that much of documents and results, */
+    int64_t age_ms; /* for that long after their end */
+};
+
+struct store_pruned {
+    size_t jobs, meshes;
+    uint64_t bytes; /* of the jobs */
+};
+
+/* One small step: removes the oldest ended jobs beyond `policy`, as store_job_remove does; meshes that no job
+ * names and nobody has touched for age_ms; answers and tombstones (after STORE_GONE_MS) that are too old.
+ * 0 with *ret, all zeros when nothing was left to do. */
+#define STORE_GONE_MS ((int64_t)30 * 24 * 60 * 60 * 1000)
+int store_prune(struct store *store, const struct store_policy *policy, int64_t now_ms,
+                struct store_pruned *ret, struct problem *reterr);
 
 #endif

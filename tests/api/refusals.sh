@@ -105,8 +105,6 @@ request POST /v1/jobs -H 'Content-Type:' --data-binary "$job"; problem 'no media
 gzip -c <<<"$job" >"$work/gz"
 request POST /v1/jobs -H 'Content-Type: application/json' -H 'Content-Encoding: gzip' --data-binary "@$work/gz"
 problem 'a compressed body' 415 unsupported-media-type
-request POST /v1/jobs -H 'Content-Type: application/json' -H 'Idempotency-Key: k1' --data-binary "$job"
-problem 'an idempotency key, which this version would not keep' 422 unsupported
 request GET /v1/jobs/00000000000000000000000000000000; problem 'an unknown job' 404 not-found
 request GET /v1/jobs/nonsense; problem 'an id that is none' 404 not-found
 request GET /v1/jobs/nonsense/result; problem 'its result' 404 not-found

@@ -97,10 +97,11 @@ static int rig_free(void **state)
 static int submit_as(struct rig *rig, struct job job, const char *document, char id[ID_SIZE],
                      struct problem *problem)
 {
+    struct store_submission submission = {.document = document, .bytes = strlen(document)};
     char *body = NULL;
     id_new(job.id);
     memcpy(id, job.id, ID_SIZE);
-    int result = queue_submit(rig->queue, &job, document, strlen(document), &body, problem);
+    int result = queue_submit(rig->queue, &job, &submission, &body, problem);
     if (result == 0) {
         assert_non_null(strstr(body, "\"status\":\"queued\""));
         assert_non_null(strstr(body, id));
@@ -328,7 +329,10 @@ static void test_queue__an_earlier_daemons_jobs_are_taken_up(void **state)
     char *text = scratch_square(4, "auto", 400);
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
     id_new(job.id);
-    assert_int_equal(store_job_add(rig->store, &job, text, strlen(text), &problem), 0);
+    assert_int_equal(store_job_add(rig->store, &job,
+                                   &(struct store_submission){.document = text, .bytes = strlen(text)},
+                                   &problem),
+                     0);
     assert_int_equal(store_job_start(rig->store, &job, &problem), 0);
     store_close(rig->store); /* died under it */
     open_rig(rig, 1, 10);
@@ -448,7 +452,8 @@ static void test_queue__a_job_is_not_here_for_another_owner(void **state)
     id_new(job.id);
     char id[ID_SIZE];
     memcpy(id, job.id, sizeof id);
-    assert_int_equal(queue_submit(rig->queue, &job, text, strlen(text), &body, &problem), 0);
+    struct store_submission submission = {.document = text, .bytes = strlen(text)};
+    assert_int_equal(queue_submit(rig->queue, &job, &submission, &body, &problem), 0);
     free(body);
     free(text);
     const char *const other[] = {"", "studio"};

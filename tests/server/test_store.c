@@ -1,7 +1,6 @@
 /* test_store.c - what survives: recovery, fencing, attempts, the third crash, refused writes. */
-#include "scratch.h"
+#include "shelf.h"
 
-#include <fcntl.h>
 #include <signal.h>
 #include <sqlite3.h>
 #include <sys/resource.h>
@@ -10,81 +9,6 @@
 
 #include "log.h"
 #include "store.h"
-
-static struct store *open_store(const char *dir)
-{
-    struct store *store = NULL;
-    struct problem problem;
-    assert_int_equal(store_open(dir, NULL, &store, &problem), 0);
-    return store;
-}
-
-/* Adds a queued job with a document; *ret is what a worker would hold of it. */
-static void add_job(struct store *store, struct job *ret)
-{
-    struct problem problem;
-    memset(ret, 0, sizeof *ret);
-    id_new(ret->id);
-    ret->revision = (struct revision){1, 1};
-    ret->created_ms = 1000;
-    assert_int_equal(store_job_add(store, ret, "{}", 2, &problem), 0);
-}
-
-static void get_job(struct store *store, const char *id, struct job *ret)
-{
-    struct problem problem;
-    assert_int_equal(store_job_get(store, "", id, ret, &problem), 0);
-}
-
-struct found {
-    size_t count;
-    struct job last;
-};
-
-static int note_job(const struct job *job, void *data)
-{
-    struct found *found = data;
-    found->count++;
-    memcpy(found->last.id, job->id, sizeof job->id);
-    found->last.revision = job->revision;
-    found->last.crashes = job->crashes;
-    return 0;
-}
-
-static size_t recover(struct store *store, struct found *found)
-{
-    struct problem problem;
-    memset(found, 0, sizeof *found);
-    assert_int_equal(store_recover(store, 3, 5000, note_job, found, &problem), 0);
-    return found->count;
-}
-
-/* Starts the job and leaves one file in the folder of its attempt's results. */
-static void start_job(struct store *store, struct job *job)
-{
-    struct problem problem;
-    int dirfd;
-    job->started_ms = 2000;
-    assert_int_equal(store_job_start(store, job, &problem), 0);
-    assert_int_equal(store_results_begin(store, job->id, job->revision.attempt, &dirfd, &problem), 0);
-    int fd = openat(dirfd, "result.json", O_WRONLY | O_CREAT | O_EXCL, 0600);
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, "[]", 2), 2);
-    close(fd);
-    close(dirfd);
-    job->status = JOB_RUNNING;
-}
-
-static size_t count_entries(const char *dir, const char *folder)
-{
-    char command[512];
-    snprintf(command, sizeof command, "ls -A '%s/%s' | wc -l", dir, folder);
-    FILE *pipe = popen(command, "r");
-    unsigned n = 999;
-    assert_int_equal(fscanf(pipe, "%u", &n), 1);
-    pclose(pipe);
-    return n;
-}
 
 static void test_store__a_job_comes_back_as_it_was_added(void **state)
 {
@@ -96,7 +20,7 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
                       .labels = strdup("{\"a\":\"b\"}"),
                       .warnings = strdup("[1]")};
     id_new(job.id);
-    assert_int_equal(store_job_add(store, &job, "[1,2]", 5, &problem), 0);
+    assert_int_equal(add_row(store, &job, "[1,2]", 5, &problem), 0);
     store = store_close(store);
     store = open_store(*state);
     struct job back;
@@ -117,43 +41,6 @@ static void test_store__a_job_comes_back_as_it_was_added(void **state)
     job_done(&job);
     store_close(store);
 }
-
-/* The database as version 1 or 2 made it, with `rows` in it. */
-static void make_old_database(const char *dir, int version, const char *rows)
-{
-    char path[256], pragma[64];
-    sqlite3 *db;
-    snprintf(path, sizeof path, "%s/draped.db", dir);
-    snprintf(pragma, sizeof pragma, "PRAGMA user_version=%d;", version);
-    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
-    const char *sql[] = {
-        "CREATE TABLE job(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
-        " status TEXT NOT NULL, verdict TEXT NOT NULL, attempt INTEGER NOT NULL, counter INTEGER NOT NULL,"
-        " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
-        " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
-        " report TEXT, error TEXT);"
-        "CREATE INDEX job_status ON job(status, seq);"
-        "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, at_ms INTEGER NOT "
-        "NULL);"
-        "CREATE TABLE mesh(sha256 TEXT PRIMARY KEY, format INTEGER NOT NULL, bytes INTEGER NOT NULL,"
-        " vertices INTEGER NOT NULL, triangles INTEGER NOT NULL, created_ms INTEGER NOT NULL) WITHOUT ROWID;",
-        version >= 2 ? "ALTER TABLE job ADD COLUMN warnings TEXT;" : "",
-        pragma,
-        rows,
-    };
-    for (size_t i = 0; i < sizeof sql / sizeof *sql; i++)
-        assert_int_equal(sqlite3_exec(db, sql[i], NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(db);
-}
-
-#define OLD_ID      "00000000000000000000000000000001"
-#define OLD_GONE    "00000000000000000000000000000002"
-#define OLD_DIGEST  "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-#define OLD_COLUMNS "id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,name"
-#define OLD_ROWS                                                                                             \
-    "INSERT INTO job(" OLD_COLUMNS ") VALUES('" OLD_ID "','queued','',2,3,1,0,4,0,0,'old');"                 \
-    "INSERT INTO gone(id,at_ms) VALUES('" OLD_GONE "',5);"                                                   \
-    "INSERT INTO mesh VALUES('" OLD_DIGEST "',1,3,4,5,6);"
 
 /* Version 1 had no warnings; version 2 no owners: what it kept is that of a daemon without keys. */
 static void test_store__a_folder_of_an_earlier_version_is_read_on(void **state)
@@ -243,13 +130,14 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
                               .memory = 5000000000 + (uint64_t)i};
         id_new(job[i].id);
         strcpy(job[i].owner, owner[i]);
-        assert_int_equal(store_job_add(store, &job[i], "{}", 2, &problem), 0);
+        assert_int_equal(add_row(store, &job[i], "{}", 2, &problem), 0);
     }
     store = store_close(store);
     store = open_store(*state);
     assert_int_equal(recover(store, &found), 2); /* the queue takes them all */
     for (int i = 0; i < 2; i++) {
-        struct store_filter filter = {.owner = owner[i], .status = -1, .before = INT64_MAX, .limit = 9};
+        struct store_filter filter = {
+            .owner = owner[i], .created_after_ms = -1, .status = -1, .before = INT64_MAX, .limit = 9};
         assert_int_equal(store_job_get(store, owner[1 - i], job[i].id, &got, &problem), STORE_NONE);
         assert_int_equal(store_job_get(store, "", job[i].id, &got, &problem), STORE_NONE);
         assert_int_equal(store_job_get(store, owner[i], job[i].id, &got, &problem), 0);
@@ -269,22 +157,6 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
     assert_int_equal(store_job_get(store, owner[0], job[0].id, &got, &problem), STORE_GONE);
     assert_int_equal(store_job_get(store, owner[1], job[0].id, &got, &problem), STORE_NONE);
     store_close(store);
-}
-
-/* A finished job with one file of results; *ret has its id. */
-static void add_finished(struct store *store, const char *file, struct job *ret)
-{
-    struct problem problem;
-    int dirfd;
-    add_job(store, ret);
-    assert_int_equal(store_job_start(store, ret, &problem), 0);
-    assert_int_equal(store_results_begin(store, ret->id, 1, &dirfd, &problem), 0);
-    int fd = openat(dirfd, file, O_WRONLY | O_CREAT, 0600);
-    assert_int_equal(write(fd, "drape", 5), 5);
-    close(fd);
-    close(dirfd);
-    ret->status = JOB_SUCCEEDED;
-    assert_int_equal(store_job_finish(store, ret, &problem), 0);
 }
 
 static void expect_start(struct store *store, const char *id, bool there)
@@ -313,7 +185,7 @@ static void test_store__a_start_outlives_its_job_and_goes_with_the_one_that_need
     id_new(orphan.id);
     assert_int_equal(store_start_keep(store, "", job.id, from.id, "positions", &problem), 0);
     assert_int_equal(store_start_keep(store, "", orphan.id, from.id, "positions", &problem), 0);
-    assert_int_equal(store_job_add(store, &job, "[]", 2, &problem), 0);
+    assert_int_equal(add_row(store, &job, "[]", 2, &problem), 0);
     assert_int_equal(store_job_remove(store, "", from.id, 1, &problem), 0);
     store = store_close(store);
     store = open_store(*state);
@@ -552,7 +424,8 @@ static void test_store__lists_come_in_pages_newest_first_and_filtered(void **sta
     struct problem problem;
     struct job job;
     struct found found = {0};
-    struct store_filter filter = {.owner = "", .status = -1, .before = INT64_MAX, .limit = 3};
+    struct store_filter filter = {
+        .owner = "", .created_after_ms = -1, .status = -1, .before = INT64_MAX, .limit = 3};
     char first[ID_SIZE] = "";
     int64_t last;
     bool more;
@@ -570,14 +443,21 @@ static void test_store__lists_come_in_pages_newest_first_and_filtered(void **sta
     assert_int_equal(pages, 3);
     assert_int_equal(found.count, 7);
     assert_string_equal(found.last.id, first);
-    filter = (struct store_filter){.owner = "", .status = JOB_RUNNING, .before = INT64_MAX, .limit = 3};
+    filter = (struct store_filter){
+        .owner = "", .created_after_ms = -1, .status = JOB_RUNNING, .before = INT64_MAX, .limit = 3};
     found.count = 0;
     assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
     assert_int_equal(found.count, 0);
     struct job labelled = {.revision = {1, 1}, .labels = strdup("{\"order\":\"4711\",\"x\":\"y\"}")};
     id_new(labelled.id);
-    assert_int_equal(store_job_add(store, &labelled, "{}", 2, &problem), 0);
-    filter = (struct store_filter){"", -1, "order", "4711", INT64_MAX, 3};
+    assert_int_equal(add_row(store, &labelled, "{}", 2, &problem), 0);
+    filter = (struct store_filter){.owner = "",
+                                   .status = -1,
+                                   .label_name = "order",
+                                   .label_value = "4711",
+                                   .created_after_ms = -1,
+                                   .before = INT64_MAX,
+                                   .limit = 3};
     assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
     assert_int_equal(found.count, 1);
     assert_string_equal(found.last.id, labelled.id);
@@ -585,30 +465,6 @@ static void test_store__lists_come_in_pages_newest_first_and_filtered(void **sta
     assert_int_equal(store_job_list(store, &filter, note_job, &found, &last, &more, &problem), 0);
     assert_int_equal(found.count, 1);
     job_done(&labelled);
-    store_close(store);
-}
-
-static void test_store__meshes_keep_their_first_bytes(void **state)
-{
-    struct store *store = open_store(*state);
-    struct problem problem;
-    struct store_mesh mesh = {.format = 2, .bytes = 3, .vertices = 4, .triangles = 5}, back;
-    int fd;
-    char data[4] = "";
-    sha256_hex("abc", 3, mesh.sha256);
-    assert_string_equal(mesh.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-    assert_int_equal(store_mesh_get(store, "", mesh.sha256, &back, &problem), STORE_NONE);
-    assert_int_equal(store_mesh_open(store, "", mesh.sha256, &back, &fd, &problem), STORE_NONE);
-    assert_int_equal(store_mesh_add(store, "", &mesh, "abc", 1, &problem), 0);
-    mesh.vertices = 99;
-    assert_int_equal(store_mesh_add(store, "", &mesh, "abc", 2, &problem), 0);
-    assert_int_equal(store_mesh_get(store, "", mesh.sha256, &back, &problem), 0);
-    assert_int_equal(back.vertices, 4);
-    assert_int_equal(back.format, 2);
-    assert_int_equal(store_mesh_open(store, "", mesh.sha256, &back, &fd, &problem), 0);
-    assert_int_equal(read(fd, data, 4), 3);
-    assert_string_equal(data, "abc");
-    close(fd);
     store_close(store);
 }
 
@@ -625,9 +481,9 @@ static void test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left(
     assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
     small.rlim_max = old.rlim_max;
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
-    int added_file = store_job_add(store, &job, document, 5000, &problem); /* the document fails */
+    int added_file = add_row(store, &job, document, 5000, &problem); /* the document fails */
     enum problem_code code_file = problem.code;
-    int added_row = store_job_add(store, &job, document, 10, &problem); /* the database does */
+    int added_row = add_row(store, &job, document, 10, &problem); /* the database does */
     enum problem_code code_row = problem.code;
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
     assert_int_equal(added_file, -1);
@@ -636,7 +492,7 @@ static void test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left(
     assert_int_equal(code_row, PROBLEM_STORAGE);
     assert_int_equal(count_entries(*state, "jobs"), 0);
     assert_int_equal(store_job_get(store, "", job.id, &back, &problem), STORE_NONE);
-    assert_int_equal(store_job_add(store, &job, document, 5000, &problem), 0); /* normal once relieved */
+    assert_int_equal(add_row(store, &job, document, 5000, &problem), 0); /* normal once relieved */
     free(document);
     store_close(store);
 }
@@ -685,7 +541,6 @@ int main(void)
         TEST(test_store__results_outlive_a_restart_and_orphans_do_not),
         TEST(test_store__removal_takes_the_files_and_leaves_a_tombstone),
         TEST(test_store__lists_come_in_pages_newest_first_and_filtered),
-        TEST(test_store__meshes_keep_their_first_bytes),
         TEST(test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left),
         TEST(test_store__a_finish_may_be_tried_again_after_a_refusal),
     };
