@@ -25,6 +25,7 @@ enum kind {
     UNSIGNED, /* unsigned */
     SIZE,     /* size_t */
     SECONDS,  /* double, whole seconds */
+    HOURS,    /* int64_t, milliseconds */
 };
 
 /* The flag --name, the line `name = value` of the file, and the variable DRAPED_NAME. */
@@ -35,9 +36,11 @@ struct setting {
     const char *argument;
     unsigned long long low, high;          /* of numbers */
     const char *(*choice_name)(int value); /* NULL beyond the last */
-    int group;                             /* in --help: 1 in general, 2 limits */
+    int group;                             /* in --help: 1 in general, 2 what is kept, 3 limits */
     const char *help;
 };
+
+#define HOUR_MS ((int64_t)3600000)
 
 #define AT(member) offsetof(struct config, member)
 
@@ -64,20 +67,25 @@ static const struct setting setting_table[] = {
      "For the distance fields of bodies, kept from job to job"},
     {"min-free", SIZE, AT(min_free_bytes), "BYTES", 0, 1ull << 50, NULL, 1,
      "Space on the disk of the data folder below which nothing new is taken"},
-    {"max-body", SIZE, AT(limits.body_bytes), "BYTES", 1024, 1ull << 32, NULL, 2, "Of a request's body"},
-    {"max-vertices", SIZE, AT(limits.vertices), "N", 3, DRAPE_MAX_VERTICES, NULL, 2,
+    {"retain-jobs", SIZE, AT(retain.jobs), "N", 0, 1000000000, NULL, 2, "Kept at most"},
+    {"retain-hours", HOURS, AT(retain.age_ms), "HOURS", 1, 876000, NULL, 2,
+     "Since their end; also of meshes that no job names"},
+    {"retain-bytes", SIZE, AT(retain.bytes), "BYTES", 0, 1ull << 50, NULL, 2,
+     "Of their documents and results"},
+    {"max-body", SIZE, AT(limits.body_bytes), "BYTES", 1024, 1ull << 32, NULL, 3, "Of a request's body"},
+    {"max-vertices", SIZE, AT(limits.vertices), "N", 3, DRAPE_MAX_VERTICES, NULL, 3,
      "Of the cloth, and of each body"},
-    {"max-triangles", SIZE, AT(limits.triangles), "N", 1, DRAPE_MAX_TRIANGLES, NULL, 2,
+    {"max-triangles", SIZE, AT(limits.triangles), "N", 1, DRAPE_MAX_TRIANGLES, NULL, 3,
      "Of the cloth, and of each body"},
-    {"max-queued", SIZE, AT(limits.queued_jobs), "N", 1, 1000000, NULL, 2, "Jobs queued and running"},
-    {"max-connections", SIZE, AT(limits.connections), "N", 8, 65536, NULL, 2, "Connections to the API"},
-    {"max-streams", SIZE, AT(limits.streams), "N", 1, 65535, NULL, 2,
+    {"max-queued", SIZE, AT(limits.queued_jobs), "N", 1, 1000000, NULL, 3, "Jobs queued and running"},
+    {"max-connections", SIZE, AT(limits.connections), "N", 8, 65536, NULL, 3, "Connections to the API"},
+    {"max-streams", SIZE, AT(limits.streams), "N", 1, 65535, NULL, 3,
      "Event streams; fewer than connections"},
-    {"max-streams-per-key", SIZE, AT(limits.streams_per_key), "N", 1, 65535, NULL, 2,
+    {"max-streams-per-key", SIZE, AT(limits.streams_per_key), "N", 1, 65535, NULL, 3,
      "Event streams of one API key"},
-    {"max-reading", SIZE, AT(limits.reading), "N", 1, 65536, NULL, 2,
+    {"max-reading", SIZE, AT(limits.reading), "N", 1, 65536, NULL, 3,
      "Whole request bodies waiting to be parsed"},
-    {"max-time", SECONDS, AT(limits.time_limit_s), "SECONDS", 1, 1000000, NULL, 2, "A job's own time limit"},
+    {"max-time", SECONDS, AT(limits.time_limit_s), "SECONDS", 1, 1000000, NULL, 3, "A job's own time limit"},
 };
 
 #define SETTINGS (sizeof setting_table / sizeof *setting_table)
@@ -115,6 +123,7 @@ void config_set_defaults(struct config *ret)
         .drain_seconds = 10,
         .field_cache_bytes = CONFIG_FIELD_CACHE_BYTES,
         .min_free_bytes = CONFIG_MIN_FREE_BYTES,
+        .retain = {CONFIG_RETAIN_JOBS, CONFIG_RETAIN_BYTES, CONFIG_RETAIN_HOURS * HOUR_MS},
         .log_level = LOG_LEVEL_INFO,
         .limits = limits_default,
     };
@@ -251,6 +260,8 @@ static int take_number(const struct setting *s, const char *text, void *member, 
         *(unsigned *)member = (unsigned)value;
     else if (s->kind == SIZE)
         *(size_t *)member = value;
+    else if (s->kind == HOURS)
+        *(int64_t *)member = (int64_t)value * HOUR_MS;
     else
         *(double *)member = (double)value;
     return 0;
@@ -296,6 +307,9 @@ static void format_value(const struct setting *s, const struct config *config, c
         break;
     case SECONDS:
         snprintf(ret, size, "%.0f", *(const double *)member);
+        break;
+    case HOURS:
+        snprintf(ret, size, "%lld", (long long)(*(const int64_t *)member / HOUR_MS));
         break;
     }
 }
@@ -454,14 +468,15 @@ static void print_version(FILE *out, struct argp_state *state)
 
 static error_t parse_flags(int argc, char **argv, struct flags *ret)
 {
-    struct argp_option options[SETTINGS + 4] = {
+    struct argp_option options[SETTINGS + 5] = {
         {"check-config", KEY_CHECK, NULL, 0, "Print every setting with its source, and leave", 1},
         {"make-key", KEY_MAKE, "NAME", 0, "Print a new key and its entry for the key file, and leave", 1},
-        {NULL, 0, NULL, 0, "Limits:", 2},
+        {NULL, 0, NULL, 0, "Ended jobs are removed, the oldest first, beyond:", 2},
+        {NULL, 0, NULL, 0, "Limits:", 3},
     };
     for (size_t i = 0; i < SETTINGS; i++) {
         const struct setting *s = &setting_table[i];
-        options[3 + i] = (struct argp_option){s->name, FIRST_KEY + (int)i, s->argument, 0, s->help, s->group};
+        options[4 + i] = (struct argp_option){s->name, FIRST_KEY + (int)i, s->argument, 0, s->help, s->group};
     }
     const struct argp argp = {
         .options = options,

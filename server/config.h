@@ -9,6 +9,7 @@
 
 #include "limits.h"
 #include "log.h"
+#include "store.h"
 
 #define CONFIG_MAX_WORKERS 256 /* OpenBLAS as Debian builds it serves few callers more */
 
@@ -17,6 +18,11 @@
 
 /* The largest result, a cloth of 200 000 vertices in every format with its trace, takes some 60 MB. */
 #define CONFIG_MIN_FREE_BYTES ((size_t)64 << 20)
+
+/* A week of a job a minute and some more; at some 150 kB each, that many take the bytes. */
+#define CONFIG_RETAIN_JOBS  100000
+#define CONFIG_RETAIN_HOURS 168
+#define CONFIG_RETAIN_BYTES ((uint64_t)16 << 30)
 
 #define CONFIG_TEXT_SIZE    4096 /* of a path, its end included */
 #define CONFIG_MAX_SETTINGS 64
@@ -34,6 +40,7 @@ struct config {
     unsigned drain_seconds;
     size_t field_cache_bytes; /* see fields.h */
     size_t min_free_bytes;
+    struct store_policy retain;
     enum log_level log_level;
     struct limits limits;
 

@@ -14,6 +14,7 @@
 #include "clock.h"
 #include "drape.h"
 #include "files.h"
+#include "retention.h"
 #include "routes.h"
 #include "service.h"
 
@@ -36,6 +37,7 @@ struct server {
     struct service service;
     struct api api;
     struct routes api_routes, admin_routes;
+    struct retention *retention;
     struct http *http, *admin;
     struct sockaddr_storage address, admin_address; /* where they listen */
     int64_t stop_by_ms;                             /* 0: not stopping */
@@ -292,6 +294,8 @@ static int start(struct server *s)
         return -1;
     if (queue_start(s->api.queue, &problem) != 0)
         return fail("queue", problem.detail);
+    if ((s->retention = retention_new(s->api.store, &s->config.retain, s->api.metrics)) == NULL)
+        return fail("retention", "out of memory");
     if (start_listeners(s) != 0)
         return -1;
     int64_t patience = service_patience_ms(&s->service);
@@ -349,6 +353,7 @@ static void stop(struct server *s)
     api->clerk = executor_free(api->clerk);
     api->reader = executor_free(api->reader);
     api->queue = queue_free(api->queue);
+    s->retention = retention_free(s->retention);
     api->fields = fields_free(api->fields);
     api->waits = waits_free(api->waits);
     api->claims = claims_free(api->claims);
