@@ -272,14 +272,26 @@ compile_commands.json: Makefile $(ALL_SRC) ## write the compilation database
 PREFIX  ?= /usr/local
 DESTDIR ?=
 UNITDIR ?= $(PREFIX)/lib/systemd/system
+DOCDIR  := $(PREFIX)/share/doc/draped
+# A manual page of what a program says of itself: MAN program,section
+MAN = build/$(1) --help | systemd/man.awk -v name=$(1) -v section=$(2) | gzip -9n > $(DESTDIR)$(PREFIX)/share/man/man$(2)/$(1).$(2).gz
 .PHONY: install
-install: all ## install binaries, systemd unit and README (PREFIX, DESTDIR, UNITDIR)
+install: all ## install programs, units, manual pages and README (PREFIX, DESTDIR, UNITDIR)
 	install -D -m 755 build/draped $(DESTDIR)$(PREFIX)/bin/draped
 	install -D -m 755 build/drape $(DESTDIR)$(PREFIX)/bin/drape
-	install -D -m 644 README.md $(DESTDIR)$(PREFIX)/share/doc/draped/README.md
-	install -D -m 644 LICENSE $(DESTDIR)$(PREFIX)/share/doc/draped/LICENSE
-	install -d $(DESTDIR)$(UNITDIR)
-	sed -e 's|@bindir@|$(PREFIX)/bin|; s|@docdir@|$(PREFIX)/share/doc/draped|' systemd/draped.service > $(DESTDIR)$(UNITDIR)/draped.service
+	install -D -m 644 README.md $(DESTDIR)$(DOCDIR)/README.md
+	install -D -m 644 LICENSE $(DESTDIR)$(DOCDIR)/LICENSE
+	install -D -m 644 systemd/draped.conf $(DESTDIR)$(DOCDIR)/examples/draped.conf
+	install -d $(DESTDIR)$(UNITDIR) $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/man/man8
+	install -m 644 systemd/draped.socket systemd/draped-admin.socket $(DESTDIR)$(UNITDIR)
+	sed -e 's|@bindir@|$(PREFIX)/bin|; s|@docdir@|$(DOCDIR)|' systemd/draped.service > $(DESTDIR)$(UNITDIR)/draped.service
+	$(call MAN,draped,8)
+	$(call MAN,drape,1)
+
+.PHONY: deb
+deb: all ## make a Debian package of what is installed: build/draped_VERSION_ARCH.deb
+	@tests/packages.sh deb
+	@MAKE='$(MAKE) --no-print-directory' systemd/deb.sh
 
 .PHONY: clean
 clean: ## remove everything that make made

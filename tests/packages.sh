@@ -1,6 +1,6 @@
 #!/bin/bash
 # Installs the Debian packages that a build lacks, saying which and why; silent when none is missing.
-# usage: tests/packages.sh build|check|upkeep
+# usage: tests/packages.sh build|check|upkeep|deb
 set -euo pipefail
 
 build='
@@ -27,6 +27,8 @@ check='
 libcmocka-dev         the unit tests
 sqlite3               the store's integrity, looked at from outside
 python3-jsonschema    the answers, held against the OpenAPI document
+systemd               the units: systemd-analyze, systemd-socket-activate
+lintian               the Debian package
 valgrind              the counts: instructions by function (callgrind)
 clang                 the fuzzers: libFuzzer
 libclang-rt-14-dev    the fuzzers: the sanitizer runtimes of clang
@@ -38,11 +40,15 @@ clang-tidy            make lint
 cppcheck              make lint
 jq                    make compile_commands.json'
 
+deb='
+dpkg-dev              make deb: the packages that the programs need'
+
 case ${1-} in
 build) list=$build ;;
-check) list=$build$check ;;
+check) list=$build$check$deb ;;
 upkeep) list=$upkeep ;;
-*) echo "usage: $0 build|check|upkeep" >&2; exit 2 ;;
+deb) list=$build$deb ;;
+*) echo "usage: $0 build|check|upkeep|deb" >&2; exit 2 ;;
 esac
 
 if ! command -v dpkg-query >/dev/null; then

@@ -1,55 +1,53 @@
 #!/bin/bash
-# `make install` puts a working service in place, and its sandbox is as tight as promised.
+# `make install` and `make deb` put a working service in place, and its sandbox is as tight as promised.
 . "$(dirname "$0")/lib.sh"
 root=$work/root
 check 'make install succeeds' make --no-print-directory install DESTDIR="$root" PREFIX=/opt/draped
-unit=$root/opt/draped/lib/systemd/system/draped.service
-check 'the daemon is in place' test -x "$root/opt/draped/bin/draped"
-check 'the client is in place' test -x "$root/opt/draped/bin/drape"
-check 'the README is in place' test -s "$root/opt/draped/share/doc/draped/README.md"
-check 'the unit starts the installed daemon' grep -q '^ExecStart=/opt/draped/bin/draped ' "$unit"
-check 'no placeholder is left in it' bash -c '! grep -q @ <(grep -v "^SystemCallFilter=\|^#" "$0")' "$unit"
-help=$("$DRAPED" --help 2>&1)
-for flag in $(grep -o -- ' --[a-z-]*' "$unit"); do
-    like "the daemon knows $flag" "$help" "$flag"
+units=$root/opt/draped/lib/systemd/system
+doc=$root/opt/draped/share/doc/draped
+unit=$units/draped.service
+for file in bin/draped bin/drape; do check "$file is in place" test -x "$root/opt/draped/$file"; done
+for file in README.md LICENSE examples/draped.conf; do check "$file is in place" test -s "$doc/$file"; done
+for page in man8/draped.8 man1/drape.1; do
+    check "the manual page $page is in place" gzip -dc "$root/opt/draped/share/man/$page.gz"
 done
+check 'the unit starts the installed daemon' grep -q '^ExecStart=/opt/draped/bin/draped$' "$unit"
+check 'no placeholder is left in it' bash -c '! grep -q @ <(grep -v "^SystemCallFilter=\|^#" "$0")' "$unit"
+sed 's/^# \([a-z-]* = \)/\1/' "$doc/examples/draped.conf" >"$work/draped.conf"
+check 'the daemon knows every setting of the example' "$DRAPED" --config "$work/draped.conf" --check-config
+check 'and there are some' grep -q '^workers = ' "$work/draped.conf"
+
 if command -v systemd-analyze >/dev/null; then
     # The threshold is in tenths: an overall exposure of at most 1.0.
     check 'systemd-analyze scores it 1.0 or better' systemd-analyze security --offline=true --threshold=10 --no-pager "$unit"
-    sed 's|^ExecStart=.*|ExecStart=/bin/true \\|' "$unit" >"$work/draped.service"
-    check 'systemd-analyze finds no fault in it' bash -c '! systemd-analyze verify --man=no "$0" 2>&1 | grep draped.service' \
-        "$work/draped.service"
+    systemd-analyze security --offline=true --no-pager "$unit" | sed -n 's/^.*Overall/# Overall/p'
+    for name in draped.service draped.socket draped-admin.socket; do
+        sed 's|^ExecStart=.*|ExecStart=/bin/true|; s|^Documentation=.*||' "$units/$name" >"$work/$name"
+    done
+    is 'systemd-analyze finds no fault in the units' \
+        "$(cd "$work" && systemd-analyze verify --man=no draped.service draped.socket draped-admin.socket 2>&1 | grep '^draped\|/draped')" ''
 else
-    skip 'systemd-analyze is not here: the unit was not scored'
+    skip 'systemd-analyze is not here: the units were not scored'
 fi
 
-# READY=1 and STOPPING=1 arrive where systemd listens.
-if command -v python3 >/dev/null; then
-    python3 - "$work/notify" >"$work/notified" <<'PY' &
-import socket, sys
-s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-s.bind(sys.argv[1])
-s.settimeout(30)
-try:
-    while True:
-        text = s.recv(4096).decode()
-        print(text, flush=True)
-        if "STOPPING=1" in text:
-            break
-except TimeoutError:
-    pass
-PY
-    listener=$!
-    for i in {1..100}; do [[ -S $work/notify ]] && break; sleep 0.02; done
-    export NOTIFY_SOCKET=$work/notify
-    start_daemon
-    unset NOTIFY_SOCKET
-    stop_daemon
-    kill "$listener" 2>/dev/null
-    wait "$listener" 2>/dev/null
-    check 'systemd is told when the daemon is ready' grep -q 'READY=1' "$work/notified"
-    check 'and when it stops' grep -q 'STOPPING=1' "$work/notified"
+# ---- the package, unpacked and run from there
+
+check 'make deb succeeds' make --no-print-directory deb
+deb=build/draped_$("$DRAPED" --version | sed 's/^draped //')_$(dpkg --print-architecture).deb
+if command -v lintian >/dev/null; then
+    lintian --allow-root --fail-on error "$deb" >"$work/lintian" 2>&1
+    is 'lintian finds no error in it' $? 0
+    sed 's/^/# /' "$work/lintian"
 else
-    skip 'python3 is not here: the notices to systemd were not seen'
+    skip 'lintian is not here: the package was not looked through'
 fi
+check 'it unpacks' dpkg-deb -x "$deb" "$work/unpacked"
+check 'it depends on what it is linked to' grep -q 'libmicrohttpd' <(dpkg-deb -f "$deb" Depends)
+check 'its units are where systemd looks' test -s "$work/unpacked/lib/systemd/system/draped.socket"
+DRAPED=$work/unpacked/usr/bin/draped
+start_daemon
+square 6 >"$work/small"
+check 'its client drapes by its daemon' "$work/unpacked/usr/bin/drape" run "$work/small" --url "$url" -o "$work/small.glb" --quiet
+stop_daemon
+is 'which stops with status 0' "$status" 0
 finish
