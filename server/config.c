@@ -61,6 +61,8 @@ static const struct setting setting_table[] = {
     {"url-file", TEXT, AT(url_file), "PATH", 0, 0, NULL, 1,
      "Once ready, holds the API's URL and the admin URL, one a line"},
     {"log-level", CHOICE, AT(log_level), "LEVEL", 0, 0, log_level_name, 1, "error, warning, info or debug"},
+    {"log-format", CHOICE, AT(log_format), "FORM", 0, 0, log_format_name, 1,
+     "text or json lines, journal, or auto: the journal where standard error goes there, else text"},
     {"drain-timeout", UNSIGNED, AT(drain_seconds), "SECONDS", 0, 86400, NULL, 1,
      "How long SIGTERM lets running jobs go on"},
     {"field-cache", SIZE, AT(field_cache_bytes), "BYTES", 0, 1ull << 40, NULL, 1,

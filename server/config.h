@@ -42,6 +42,7 @@ struct config {
     size_t min_free_bytes;
     struct store_policy retain;
     enum log_level log_level;
+    enum log_format log_format;
     struct limits limits;
 
     bool check_only;       /* --check-config: print the settings and leave */

@@ -911,13 +911,14 @@ static void on_completed(void *cls, struct MHD_Connection *mhd, void **con_cls,
 
 static void on_log(void *cls, const char *format, va_list args)
 {
-    char text[LOG_QUOTE_SIZE], quoted[LOG_QUOTE_SIZE];
+    char text[256];
     (void)cls;
     /* Of UNIX sockets, as the pulse's, the library tells at each answer that they have no TCP options. */
     if (strncmp(format, "Setting TCP_", 12) == 0 || strncmp(format, "Failed to push the data", 23) == 0)
         return;
     vsnprintf(text, sizeof text, format, args);
-    log_event(LOG_LEVEL_DEBUG, "http.library", "message=%s", log_quote(text, quoted));
+    text[strcspn(text, "\n")] = '\0';
+    log_event(LOG_LEVEL_DEBUG, "http.library", "message=%s", text);
 }
 
 /* ---- listeners --------------------------------------------------------------------------------------- */

@@ -1,28 +1,31 @@
-/* log.h - one line per event on standard error, as key=value. Never bodies, never secrets.
+/* log.h - one line per event on standard error, or one entry in systemd's journal. Never bodies, never
+ * secrets.
  *
- *   level=info event=job.accepted job=4f..  request=91.. bytes=1804
+ *   text      2026-01-01T12:00:00.000Z level=info event=job.accepted job=4f.. request=91.. bytes=1804
+ *   json {"time":"2026-...","level":"info","event":"job.accepted","job":"4f..","request":"91..","bytes":1804}
+ *   journal   PRIORITY=6 MESSAGE=job.accepted job=4f.. .. EVENT=job.accepted JOB_ID=4f.. REQUEST_ID=91..
+ * BYTES=1804
  *
- * With systemd's journal behind standard error a line starts with its priority ("<6>"); else with the
- * time. One write per line, so lines of several threads never mix. */
+ * Values may hold anything: what could end a value, a line or an entry is escaped. One write per line, so
+ * lines of several threads never mix. */
 #ifndef DRAPED_LOG_H
 #define DRAPED_LOG_H
 
-#include <stdbool.h>
-#include <stddef.h>
-
 enum log_level { LOG_LEVEL_ERROR = 0, LOG_LEVEL_WARNING, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG };
 
-#define LOG_QUOTE_SIZE 256
+/* LOG_AUTO: the journal where standard error is connected to it, else text. */
+enum log_format { LOG_AUTO = 0, LOG_TEXT, LOG_JSON, LOG_JOURNAL };
 
-void log_open(enum log_level level);   /* once, before the first thread; the default is info */
-const char *log_level_name(int level); /* NULL beyond the last */
+/* Both once, before the first thread; unless called, info and automatic. */
+void log_open(enum log_level level);
+void log_choose(enum log_format format);
 
-/* `event` is a constant "room.what"; `format` gives the key=value pairs. */
+const char *log_level_name(int level);   /* NULL beyond the last */
+const char *log_format_name(int format); /* NULL beyond the last */
+
+/* `event` is a constant "room.what"; `format` a constant of pairs, "job=%s bytes=%zu why=\"%s\"". A value
+ * that is empty is left out. */
 __attribute__((format(printf, 3, 4))) void log_event(enum log_level level, const char *event,
                                                      const char *format, ...);
-
-/* Text from outside, made safe for a value: quoted, control characters and quotes replaced, cut to
- * fit. Returns `buffer`. */
-const char *log_quote(const char *text, char buffer[LOG_QUOTE_SIZE]);
 
 #endif

@@ -407,6 +407,7 @@ int main(int argc, char **argv)
     if (server.config.make_key != NULL)
         return make_key(server.config.make_key);
     log_open(server.config.log_level);
+    log_choose(server.config.log_format);
     block_signals(&server);
     int failed = start(&server);
     if (!failed)

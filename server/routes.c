@@ -275,6 +275,12 @@ static const char *known_method(const char *method)
     return "other";
 }
 
+/* The job that a request was about; "": none. */
+static const char *job_of(const struct call *call)
+{
+    return call == NULL ? "" : id_valid(call->id) ? call->id : call->job_id;
+}
+
 void routes_finished(struct http_request *request, int status, int64_t milliseconds, void *data)
 {
     const struct routes *routes = data;
@@ -284,8 +290,8 @@ void routes_finished(struct http_request *request, int status, int64_t milliseco
     if (call == NULL || !call->untimed)
         metrics_observe(routes->api->metrics, METRIC_REQUEST_SECONDS, (double)milliseconds / 1000);
     log_event(status >= 500 ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG, "http.request",
-              "method=%s route=%s status=%d ms=%lld request=%s", known_method(http_method(request)), route,
-              status, (long long)milliseconds, http_request_id(request));
+              "method=%s route=%s status=%d ms=%lld request=%s job=%s", known_method(http_method(request)),
+              route, status, (long long)milliseconds, http_request_id(request), job_of(call));
     if (call != NULL)
         claims_release(routes->api->claims, &call->claim); /* of one that was never handled */
     free(call);
