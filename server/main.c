@@ -1,9 +1,11 @@
 /* main.c - draped: flags, signals, wiring, and the order of starting and stopping. */
+#include <dirent.h>
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/statvfs.h>
 #include <sys/un.h>
 #include <sysexits.h>
@@ -49,6 +51,48 @@ struct server {
 
 /* ---- what happens four times a second --------------------------------------------------------------- */
 
+static double seconds(struct timeval t)
+{
+    return (double)t.tv_sec + (double)t.tv_usec / 1e6;
+}
+
+static unsigned open_fds(void)
+{
+    unsigned count = 0;
+    DIR *dir = opendir("/proc/self/fd");
+    if (dir == NULL)
+        return 0;
+    while (readdir(dir) != NULL)
+        count++;
+    closedir(dir);
+    return count < 3 ? 0 : count - 3; /* ".", ".." and the one that reads them */
+}
+
+/* In pages: "size resident ..."; see proc(5). */
+static double resident_bytes(void)
+{
+    unsigned long size, resident = 0;
+    FILE *in = fopen("/proc/self/statm", "re");
+    if (in == NULL)
+        return 0;
+    if (fscanf(in, "%lu %lu", &size, &resident) != 2)
+        resident = 0;
+    fclose(in);
+    return (double)resident * (double)sysconf(_SC_PAGESIZE);
+}
+
+static void measure_process(struct metrics *metrics)
+{
+    struct rusage usage;
+    struct rlimit files;
+    if (getrusage(RUSAGE_SELF, &usage) == 0)
+        metrics_set(metrics, METRIC_CPU_SECONDS, seconds(usage.ru_utime) + seconds(usage.ru_stime));
+    if (getrlimit(RLIMIT_NOFILE, &files) == 0)
+        metrics_set(metrics, METRIC_MAX_FDS, (double)files.rlim_cur);
+    metrics_set(metrics, METRIC_OPEN_FDS, open_fds());
+    metrics_set(metrics, METRIC_RESIDENT_BYTES, resident_bytes());
+}
+
 /* On the clerk's thread: what asks the disk, and so may never come back. */
 static void look_at_data(void *data)
 {
@@ -60,6 +104,7 @@ static void look_at_data(void *data)
         atomic_store(&health->free_bytes, (uint64_t)space.f_bavail * space.f_frsize);
         metrics_set(s->api.metrics, METRIC_BYTES_FREE, (double)space.f_bavail * (double)space.f_frsize);
     }
+    measure_process(s->api.metrics);
     store_ask(s->api.store, NULL); /* that it answers is what counts: what it refuses, it logs */
     health_see(health, PULSE_STORE, clock_monotonic_ms());
     atomic_store(&s->looking, false);

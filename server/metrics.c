@@ -47,6 +47,11 @@ static const struct metric_row metric_table[METRICS] = {
     [METRIC_CONNECTIONS] = {"draped_connections", GAUGE, "", "API connections open."},
     [METRIC_BYTES_FREE] = {"draped_data_free_bytes", GAUGE, "", "Space left for the data folder."},
     [METRIC_START_TIME] = {"process_start_time_seconds", GAUGE, "", "Start of the process since 1970."},
+    [METRIC_CPU_SECONDS] = {"process_cpu_seconds_total", COUNTER, "",
+                            "Processor time, in user and in system."},
+    [METRIC_RESIDENT_BYTES] = {"process_resident_memory_bytes", GAUGE, "", "Memory in use."},
+    [METRIC_OPEN_FDS] = {"process_open_fds", GAUGE, "", "Open file descriptors."},
+    [METRIC_MAX_FDS] = {"process_max_fds", GAUGE, "", "How many there may be."},
     [METRIC_REQUEST_SECONDS] = {"draped_http_request_seconds", HISTOGRAM, "",
                                 "Time from headers to the whole answer, streams and waits left out."},
 };

@@ -28,6 +28,10 @@ enum metric { /* names, help and types: the table in metrics.c, in this order */
               METRIC_CONNECTIONS,
               METRIC_BYTES_FREE,
               METRIC_START_TIME,
+              METRIC_CPU_SECONDS,
+              METRIC_RESIDENT_BYTES,
+              METRIC_OPEN_FDS,
+              METRIC_MAX_FDS,
               METRIC_REQUEST_SECONDS, /* observed at each request but event streams and waits */
               METRICS
 };
