@@ -26,7 +26,7 @@ FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
 ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) \
-           $(wildcard tests/api/*.c tests/stability/*.c tests/counts/*.c tests/faults/*.c)
+           $(wildcard tests/api/*.c tests/preload/*.c tests/stability/*.c tests/counts/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ INC_tests/stability = $(INC_tests/physics)
 INC_tests/counts    = -iquote solver
 INC_tests/fuzz     = -iquote tests $(INC_server)
 INC_tests/api      =
-INC_tests/faults   =
+INC_tests/preload  =
 folder = $(patsubst %/,%,$(dir $(1)))
 
 # ---- the binaries --------------------------------------------------------------------------
@@ -166,18 +166,19 @@ endef
 $(foreach c,$(COUNTS),$(eval $(call counts_program,$(c))))
 
 # What the API tests measure a drape with: these share no code with the solver.
-API_TOOLS := $(patsubst tests/%.c,$(TBIN)/%,$(wildcard tests/api/*.c)) $(TBIN)/faults.so
+API_TOOLS := $(patsubst tests/%.c,$(TBIN)/%,$(wildcard tests/api/*.c))
 $(TBIN)/api/%: $(OBJ)/tests/api/%.o
 	$(LINK) -lm
-# What makes the daemon's calls of the system fail, by LD_PRELOAD.
-$(TBIN)/faults.so: tests/faults/shim.c
+# What the API tests put between the daemon and the system, by LD_PRELOAD.
+PRELOADS := $(patsubst tests/%.c,$(TBIN)/%.so,$(wildcard tests/preload/*.c))
+$(TBIN)/preload/%.so: tests/preload/%.c
 	@mkdir -p $(@D)
-	$(call Q,LD)$(CC) $(CSTD) $(OPT_release) $(WARN) $(if $(WERROR),-Werror) -shared -fPIC -o $@ $< -ldl
+	$(call Q,CC)$(CC) $(filter-out -MMD -MP,$(ALLFLAGS)) -fPIC -shared -o $@ $<
 
 .SECONDARY:
 
 .PHONY: tests unit-tests fuzzers
-tests: $(TESTS) $(API_TOOLS) $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
+tests: $(TESTS) $(API_TOOLS) $(PRELOADS) $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
 unit-tests: $(UNIT_TESTS)
 fuzzers: $(FUZZERS)
 

@@ -103,3 +103,8 @@ int health_has_space(const struct health *health, struct problem *reterr)
     char why[200];
     return check_space(health, 0, why, sizeof why) ? 0 : problem_set(reterr, PROBLEM_STORAGE, "%s.", why);
 }
+
+bool health_can_keep(const struct health *health)
+{
+    return atomic_load(&health->writable) && health_has_space(health, NULL) == 0;
+}

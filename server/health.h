@@ -52,4 +52,7 @@ json_t *health_json(const struct health *health, int64_t now_ms, bool *ret_ready
  * be read goes on below it: there must be room left to write down how jobs end. */
 int health_has_space(const struct health *health, struct problem *reterr);
 
+/* Whether what a job leaves behind could be kept now. */
+bool health_can_keep(const struct health *health);
+
 #endif

@@ -164,6 +164,7 @@ static void tick(struct server *s)
     metrics_set(s->api.metrics, METRIC_STREAMS, hub_followers(s->api.hub));
     metrics_set(s->api.metrics, METRIC_CONNECTIONS, http_connections(s->http));
     send_clerk_to_data(s, now);
+    queue_hold(s->api.queue, !health_can_keep(&s->api.health));
     see_parts(s, &counts, now);
     tell_service(s, &counts, now);
 }
@@ -172,11 +173,10 @@ static void tick(struct server *s)
 static void reload_keys(struct server *s)
 {
     struct problem problem;
-    char why[LOG_QUOTE_SIZE];
     if (s->api.keys == NULL)
         return;
     if (keys_reload(s->api.keys, &problem) != 0)
-        log_event(LOG_LEVEL_ERROR, "keys.refused", "why=%s", log_quote(problem.detail, why));
+        log_event(LOG_LEVEL_ERROR, "keys.refused", "why=\"%s\"", problem.detail);
     else
         queue_reconsider(s->api.queue);
 }
@@ -198,8 +198,7 @@ static int wait_for_signal(struct server *s, int ms)
 
 static int fail(const char *what, const char *why)
 {
-    char quoted[LOG_QUOTE_SIZE];
-    log_event(LOG_LEVEL_ERROR, "start.failed", "what=%s why=%s", what, log_quote(why, quoted));
+    log_event(LOG_LEVEL_ERROR, "start.failed", "what=%s why=\"%s\"", what, why);
     return -1;
 }
 

@@ -12,12 +12,17 @@
 
 #include "clock.h"
 
+/* The connection is made anew so often. For when the library has run out of descriptors it does not accept
+ * again until a connection closes, and this one may be all it has. */
+#define RENEW_MS 1000
+
 static const char question[] = "GET /pulse HTTP/1.1\r\nHost: pulse\r\n\r\n";
 
 struct pulse {
     int ours;          /* -1: not connected */
-    atomic_int theirs; /* closed by the daemon; -1: none */
+    atomic_int theirs; /* of the pair made last; closed by the daemon, and then -1 */
     bool asked;        /* and not answered yet */
+    int64_t made_ms;   /* monotonic; when the pair was made */
     _Atomic int64_t answered_ms;
 };
 
@@ -37,7 +42,6 @@ static void hang_up(struct pulse *pulse)
     if (pulse->ours >= 0)
         close(pulse->ours);
     pulse->ours = -1;
-    atomic_store(&pulse->theirs, -1);
     pulse->asked = false;
 }
 
@@ -49,16 +53,22 @@ struct pulse *pulse_free(struct pulse *pulse)
     return NULL;
 }
 
+/* Where there is no descriptor or no place for another, the old pair goes on. */
 static void connect_pair(struct pulse *pulse, struct MHD_Daemon *daemon)
 {
     static const struct sockaddr nowhere = {.sa_family = AF_UNIX};
     int pair[2];
+    pulse->made_ms = clock_monotonic_ms();
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, pair) != 0)
         return;
-    pulse->ours = pair[0];
     atomic_store(&pulse->theirs, pair[1]); /* before the loop can ask whose it is */
-    if (MHD_add_connection(daemon, pair[1], &nowhere, sizeof nowhere) != MHD_YES)
-        hang_up(pulse); /* the library has closed the other end */
+    if (MHD_add_connection(daemon, pair[1], &nowhere, sizeof nowhere) != MHD_YES) {
+        atomic_store(&pulse->theirs, -1); /* the library has closed it */
+        close(pair[0]);
+        return;
+    }
+    hang_up(pulse);
+    pulse->ours = pair[0];
 }
 
 /* A connection that the library has closed, for it was idle while we slept, is made again. */
@@ -78,7 +88,7 @@ void pulse_tick(struct pulse *pulse, struct MHD_Daemon *daemon)
 {
     if (pulse->ours >= 0)
         take_answer(pulse);
-    if (pulse->ours < 0)
+    if (pulse->ours < 0 || (!pulse->asked && clock_monotonic_ms() - pulse->made_ms >= RENEW_MS))
         connect_pair(pulse, daemon);
     if (pulse->ours >= 0 && !pulse->asked)
         pulse->asked = send(pulse->ours, question, sizeof question - 1, MSG_NOSIGNAL) > 0;
@@ -92,16 +102,15 @@ int64_t pulse_answered_ms(const struct pulse *pulse)
 bool pulse_connection(struct pulse *pulse, struct MHD_Connection *mhd, void **socket_context,
                       enum MHD_ConnectionNotificationCode code)
 {
-    if (code == MHD_CONNECTION_NOTIFY_STARTED) {
-        const union MHD_ConnectionInfo *info =
-            MHD_get_connection_info(mhd, MHD_CONNECTION_INFO_CONNECTION_FD);
-        if (info != NULL && info->connect_fd == atomic_load(&pulse->theirs))
-            *socket_context = pulse;
-        return *socket_context == pulse;
-    }
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(mhd, MHD_CONNECTION_INFO_CONNECTION_FD);
+    int fd = info == NULL ? -1 : info->connect_fd;
+    if (code == MHD_CONNECTION_NOTIFY_STARTED && fd >= 0 && fd == atomic_load(&pulse->theirs))
+        *socket_context = pulse;
     if (*socket_context != pulse)
         return false;
-    atomic_store(&pulse->theirs, -1); /* before a client's connection can have the same descriptor */
+    /* A client's connection may have the same descriptor next. */
+    if (code == MHD_CONNECTION_NOTIFY_CLOSED)
+        atomic_compare_exchange_strong(&pulse->theirs, &fd, -1);
     return true;
 }
 

@@ -47,7 +47,7 @@ struct queue {
     void *tree; /* of items by id: tsearch(3) */
     struct line *line;
     size_t queued, running; /* queued: with those that are being committed to the store */
-    bool draining, interrupted;
+    bool draining, interrupted, held;
     unsigned busy;     /* workers that have a job, or try to get one started */
     int64_t looked_ms; /* monotonic; when an idle worker last looked at the line */
     pthread_t *worker;
@@ -189,11 +189,18 @@ static void on_progress(char *json, void *data)
     pthread_mutex_unlock(&queue->lock);
 }
 
+/* The time, but never before `earlier`: the clock may be set back, and nothing lasts less than no time. */
+static int64_t time_after(int64_t earlier)
+{
+    int64_t now = clock_wall_ms();
+    return now > earlier ? now : earlier;
+}
+
 /* Commits queued -> running. The item, or NULL: cancelled meanwhile, or back in the line because the
  * store refused. */
 static struct item *start_job(struct queue *queue, struct job *job)
 {
-    job->started_ms = clock_wall_ms();
+    job->started_ms = time_after(job->created_ms);
     job->revision.counter++;
     int result = store_job_start(queue->setup.store, job, NULL);
     pthread_mutex_lock(&queue->lock);
@@ -304,7 +311,7 @@ static void finish_job(struct queue *queue, struct item *item, struct solve_outc
     pthread_mutex_unlock(&queue->lock);
     end.status = status;
     if (status != JOB_QUEUED) {
-        end.finished_ms = clock_wall_ms();
+        end.finished_ms = time_after(end.started_ms);
         end.revision.counter++;
     }
     if (!failed)
@@ -361,13 +368,14 @@ static void *worker_main(void *arg)
     struct queue *queue = arg;
     pthread_mutex_lock(&queue->lock);
     while (!queue->draining) {
-        struct item *item = (struct item *)line_take(queue->line);
+        struct item *item = queue->held ? NULL : (struct item *)line_take(queue->line);
         if (item == NULL) {
             wait_for_work(queue);
             continue;
         }
         struct place place = item->place; /* the item may be gone when its worker has done with it */
-        struct job job = {.status = JOB_RUNNING, .revision = item->job.revision};
+        struct job job = {
+            .status = JOB_RUNNING, .revision = item->job.revision, .created_ms = item->job.created_ms};
         memcpy(job.id, item->job.id, sizeof job.id);
         memcpy(job.owner, item->job.owner, sizeof job.owner);
         queue->busy++;
@@ -568,6 +576,7 @@ static bool look_at(struct queue *queue, const char *owner, const char *id, stru
         memcpy(ret->owner, item->job.owner, sizeof ret->owner);
         ret->status = item->job.status;
         ret->revision = item->job.revision;
+        ret->created_ms = item->job.created_ms;
     }
     pthread_mutex_unlock(&queue->lock);
     return item != NULL;
@@ -603,7 +612,7 @@ int queue_cancel(struct queue *queue, const char *owner, const char *id, char **
     /* A job that starts or ends between the look and the write makes the write miss; then look again. */
     for (int look = 0; look_at(queue, owner, id, &job); look++) {
         bool waiting = job.status == JOB_QUEUED;
-        job.finished_ms = clock_wall_ms();
+        job.finished_ms = time_after(job.created_ms);
         job.revision.counter += waiting;
         int result = waiting ? store_job_cancel_queued(queue->setup.store, &job, reterr)
                              : store_job_cancel_running(queue->setup.store, &job, reterr);
@@ -618,6 +627,15 @@ int queue_cancel(struct queue *queue, const char *owner, const char *id, char **
         wait_ms(1);
     }
     return QUEUE_NONE;
+}
+
+void queue_hold(struct queue *queue, bool held)
+{
+    pthread_mutex_lock(&queue->lock);
+    if (queue->held && !held)
+        pthread_cond_broadcast(&queue->work);
+    queue->held = held;
+    pthread_mutex_unlock(&queue->lock);
 }
 
 void queue_drain(struct queue *queue)

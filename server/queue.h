@@ -72,6 +72,9 @@ int queue_follow(struct queue *queue, const char *owner, const char *id, struct 
 int queue_cancel(struct queue *queue, const char *owner, const char *id, char **ret_body,
                  struct problem *reterr);
 
+/* While held nothing is started: what would come of it could not be kept. */
+void queue_hold(struct queue *queue, bool held);
+
 /* Stopping: drain (nothing more is taken or started), wait for queue_running to be 0 or for patience to
  * end, interrupt (what still runs goes back to the line, in the store), free. */
 void queue_drain(struct queue *queue);

@@ -29,6 +29,8 @@ sqlite3               the store's integrity, looked at from outside
 python3-jsonschema    the answers, held against the OpenAPI document
 systemd               the units: systemd-analyze, systemd-socket-activate
 lintian               the Debian package
+libfaketime           the tests: a clock that jumps
+util-linux            the tests: prlimit, mount
 valgrind              the counts: instructions by function (callgrind)
 clang                 the fuzzers: libFuzzer
 libclang-rt-14-dev    the fuzzers: the sanitizer runtimes of clang

@@ -4,7 +4,7 @@
 # DRAPED_TEST_FAULTS: sessions of each kind, spread evenly; "all": one for every call (hours; make break-faults).
 . "$(dirname "$0")/lib.sh"
 sessions=${DRAPED_TEST_FAULTS:-12}
-shim=$PWD/build/release/tests/faults.so
+shim=$PWD/build/release/tests/preload/faults.so
 square 4 '.solver.max_iterations = 3' >"$work/job"
 printf 'v 0 0 0\nv 0.1 0 0\nv 0 0 0.1\nf 1 2 3\n' >"$work/mesh.obj"
 : >"$work/accepted"

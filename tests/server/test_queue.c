@@ -321,6 +321,41 @@ static void test_queue__draining_refuses_and_interrupting_puts_back(void **state
     free(text);
 }
 
+static void test_queue__nothing_starts_while_it_is_held(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    struct queue_counts counts;
+    char id[ID_SIZE], *document = scratch_square(2, "auto", 50);
+    open_rig(rig, 1, 4);
+    queue_hold(rig->queue, true);
+    assert_int_equal(submit(rig, document, id, &problem), 0);
+    pause_ms(200);
+    queue_measure(rig->queue, &counts);
+    assert_int_equal(counts.queued, 1);
+    assert_int_equal(counts.running, 0);
+    queue_hold(rig->queue, false);
+    wait_end(rig, id, &job);
+    assert_int_equal(job.status, JOB_SUCCEEDED);
+    job_done(&job);
+    free(document);
+    close_rig(rig);
+}
+
+static void test_queue__idle_workers_are_seen_to_look_for_work(void **state)
+{
+    struct rig *rig = *state;
+    struct queue_counts counts;
+    open_rig(rig, 2, 4);
+    int64_t since = clock_monotonic_ms(), limit = since + 60000;
+    do
+        queue_measure(rig->queue, &counts);
+    while (counts.seen_ms <= since && clock_monotonic_ms() < limit);
+    assert_true(counts.seen_ms > since);
+    close_rig(rig);
+}
+
 static void test_queue__an_earlier_daemons_jobs_are_taken_up(void **state)
 {
     struct rig *rig = *state;
@@ -605,6 +640,8 @@ int main(void)
         TEST(test_queue__a_running_job_stops_soon_after_its_cancel),
         TEST(test_queue__a_cancel_that_the_store_never_matches_is_given_up),
         TEST(test_queue__draining_refuses_and_interrupting_puts_back),
+        TEST(test_queue__nothing_starts_while_it_is_held),
+        TEST(test_queue__idle_workers_are_seen_to_look_for_work),
         TEST(test_queue__an_earlier_daemons_jobs_are_taken_up),
         TEST(test_queue__two_workers_end_every_job_once),
         TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),

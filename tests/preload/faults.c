@@ -1,4 +1,4 @@
-/* shim.c - makes one call of the C library fail, in a program that knows nothing of it (LD_PRELOAD).
+/* faults.c - makes one call of the C library fail, in a program that knows nothing of it (LD_PRELOAD).
  *
  *   FAULT_KIND   malloc | open | write | sync | rename | step (sqlite3_step)
  *   FAULT_AT     which call of that kind fails, from 1 on; 0: none, they are only counted
