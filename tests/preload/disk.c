@@ -44,13 +44,31 @@ static bool is_on_disk(int fd)
     return is_below(path);
 }
 
-/* 0, or the error of a change that makes files grow, or not. */
-static int refusal(bool grows)
+static _Atomic long long freed; /* bytes, while the disk is full */
+
+static bool is_full(void)
 {
-    return control_is("readonly")        ? EROFS
-           : control_is("broken")        ? EIO
-           : grows && control_is("full") ? ENOSPC
-                                         : 0;
+    bool full = control_is("full");
+    if (!full)
+        freed = 0;
+    return full;
+}
+
+#define BLOCK 4096 /* what a new file or folder takes */
+
+/* 0, or the error of a change by which a file grows by so many bytes. */
+static int refusal(long long growth)
+{
+    if (control_is("readonly"))
+        return EROFS;
+    if (control_is("broken"))
+        return EIO;
+    if (growth <= 0 || !is_full())
+        return 0;
+    if (freed < growth)
+        return ENOSPC;
+    freed -= growth;
+    return 0;
 }
 
 static int fail(int error)
@@ -66,7 +84,7 @@ static int check_open(int dir, const char *path, int flags)
     bool below = path[0] == '/' || dir == AT_FDCWD ? is_below(path) : is_on_disk(dir);
     bool makes =
         (flags & O_TMPFILE) == O_TMPFILE || ((flags & O_CREAT) && faccessat(dir, path, F_OK, 0) != 0);
-    return below && (flags & (O_CREAT | O_WRONLY | O_RDWR)) ? refusal(makes) : 0;
+    return below && (flags & (O_CREAT | O_WRONLY | O_RDWR)) ? refusal(makes ? BLOCK : 0) : 0;
 }
 
 #define OPEN(name)                                                                                           \
@@ -95,19 +113,19 @@ OPENAT(openat64)
 
 int mkdirat(int dir, const char *path, mode_t mode)
 {
-    int error = is_on_disk(dir) ? refusal(true) : 0;
+    int error = is_on_disk(dir) ? refusal(BLOCK) : 0;
     return error ? fail(error) : NEXT(mkdirat)(dir, path, mode);
 }
 
 int unlinkat(int dir, const char *path, int flags)
 {
-    int error = is_on_disk(dir) ? refusal(false) : 0;
+    int error = is_on_disk(dir) ? refusal(0) : 0;
     return error ? fail(error) : NEXT(unlinkat)(dir, path, flags);
 }
 
 int renameat(int from_dir, const char *from, int to_dir, const char *to)
 {
-    int error = is_on_disk(to_dir) ? refusal(false) : 0;
+    int error = is_on_disk(to_dir) ? refusal(0) : 0;
     return error ? fail(error) : NEXT(renameat)(from_dir, from, to_dir, to);
 }
 
@@ -121,7 +139,7 @@ static int check_write(int fd, size_t bytes, off_t offset)
     if (!is_on_disk(fd) || fstat(fd, &st) != 0)
         return 0;
     off_t at = offset >= 0 ? offset : lseek(fd, 0, SEEK_CUR);
-    return refusal(at + (off_t)bytes > st.st_size);
+    return refusal(at + (off_t)bytes - st.st_size);
 }
 
 ssize_t write(int fd, const void *data, size_t bytes)
@@ -138,6 +156,32 @@ ssize_t write(int fd, const void *data, size_t bytes)
     }
 PWRITE(pwrite)
 PWRITE(pwrite64)
+
+static int check_resize(int fd, off_t size)
+{
+    struct stat st;
+    if (!is_on_disk(fd) || fstat(fd, &st) != 0)
+        return 0;
+    int error = refusal(size - st.st_size);
+    if (error == 0 && size < st.st_size && is_full())
+        freed += st.st_size - size;
+    return error;
+}
+
+#define FTRUNCATE(name)                                                                                      \
+    int name(int fd, off_t size)                                                                             \
+    {                                                                                                        \
+        int error = check_resize(fd, size);                                                                  \
+        return error ? fail(error) : NEXT(name)(fd, size);                                                   \
+    }
+FTRUNCATE(ftruncate)
+FTRUNCATE(ftruncate64)
+
+int posix_fallocate(int fd, off_t offset, off_t bytes)
+{
+    int error = check_write(fd, (size_t)bytes, offset);
+    return error ? error : NEXT(posix_fallocate)(fd, offset, bytes);
+}
 
 static int check_sync(int fd)
 {
