@@ -32,6 +32,7 @@ static const struct problem_row problem_table[PROBLEM_CODES] = {
     [PROBLEM_GONE] = {"gone", "The job was removed", 410, false},
     [PROBLEM_LENGTH] = {"body-too-large", "The body is too large", 413, false},
     [PROBLEM_MEDIA_TYPE] = {"unsupported-media-type", "The content type is not supported", 415, false},
+    [PROBLEM_EXPECTATION] = {"expectation-failed", "The expectation cannot be met", 417, false},
     [PROBLEM_INVALID] = {"invalid", "The document is not valid", 422, false},
     [PROBLEM_UNSUPPORTED] = {"unsupported", "This version cannot do that", 422, false},
     [PROBLEM_TOO_LARGE] = {"too-large", "The document exceeds a limit", 422, false},

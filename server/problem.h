@@ -26,6 +26,7 @@ enum problem_code {
     PROBLEM_GONE,               /* 410 */
     PROBLEM_LENGTH,             /* 413: body too large */
     PROBLEM_MEDIA_TYPE,         /* 415 */
+    PROBLEM_EXPECTATION,        /* 417 */
     PROBLEM_INVALID,            /* 422: a member of the job or mesh is wrong; errors[] has pointers */
     PROBLEM_UNSUPPORTED,        /* 422: in the contract, not in this version; errors[] has pointers */
     PROBLEM_TOO_LARGE,          /* 422: a count over its limit; errors[] has pointers */

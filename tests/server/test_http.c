@@ -264,6 +264,9 @@ static void test_http__requests_of_doubtful_length_are_refused_and_cut_off(void 
         HOST HOST "Content-Length: 2\r\n",
         "Content-Length: 2\r\n",
         HOST "Content-Length : 2\r\n",
+        HOST "Content-Length:\r\n 2\r\n",
+        HOST "X: y\nContent-Length: 2\r\n",
+        HOST "Content-Length: 2\r\nX: y\n",
     };
     for (size_t i = 0; i < sizeof head / sizeof *head; i++) {
         char request[512];
@@ -277,6 +280,33 @@ static void test_http__requests_of_doubtful_length_are_refused_and_cut_off(void 
         assert_non_null(strstr(text, "Connection: close"));
     }
     assert_int_equal(value(rig, &rig->handled), 0);
+}
+
+/* The places of its pieces are compared: they must not move while more of it comes in. */
+static void test_http__a_long_head_in_many_pieces_is_sound(void **state)
+{
+    struct rig *rig = *state;
+    int fd = dial(rig);
+    say(fd, "GET /a HTTP/1.1\r\n");
+    for (int i = 0; i < 200; i++) {
+        say(fd, "X-Filler: abcdefghijklmnopqrstuvwxyz0123456789\r");
+        if (i % 30 == 0)
+            pause_ms(2);
+        say(fd, "\n");
+    }
+    say(fd, LAST "\r\n");
+    assert_int_equal(strncmp(hear(fd), "HTTP/1.1 200", 12), 0);
+}
+
+/* The library is lax about lines between chunks, which cannot be seen from outside it. */
+static void test_http__nothing_is_read_behind_a_chunked_body(void **state)
+{
+    struct rig *rig = *state;
+    const char *text = ask(rig, "POST /x HTTP/1.1\r\n" HOST "Transfer-Encoding: chunked\r\n\r\n"
+                                "2\nhi\n0\n\nGET /hidden HTTP/1.1\r\n" HOST "\r\n");
+    assert_int_equal(count_of(text, "HTTP/1.1 "), 1);
+    assert_non_null(strstr(text, "Connection: close\r\n"));
+    assert_int_equal(value(rig, &rig->handled), 1);
 }
 
 static void test_http__pipelined_honest_requests_are_all_answered(void **state)
@@ -543,6 +573,8 @@ int main(void)
         TEST(test_http__a_body_arrives_whole_and_an_answer_names_its_request),
         TEST(test_http__paths_and_arguments_are_not_unescaped_behind_our_back),
         TEST(test_http__requests_of_doubtful_length_are_refused_and_cut_off),
+        TEST(test_http__a_long_head_in_many_pieces_is_sound),
+        TEST(test_http__nothing_is_read_behind_a_chunked_body),
         TEST(test_http__pipelined_honest_requests_are_all_answered),
         TEST(test_http__a_body_at_the_cap_is_taken_and_one_byte_more_is_413),
         TEST(test_http__a_long_body_is_refused_before_it_is_sent),
