@@ -72,14 +72,14 @@ ALLFLAGS = $(CSTD) $(OPT) $(SAN) $(WARN) $(if $(WERROR),-Werror) -MMD -MP -pthre
 # OpenBLAS comes first: its own thread-count call must speak to the BLAS that CHOLMOD uses.
 # libgomp: the solver turns off the OpenMP nesting that CHOLMOD would use.
 SOLVER_LIBS = -lopenblas -lcholmod -lgomp -lm
-SERVER_LIBS = $(SOLVER_LIBS) $(call LIB,libmicrohttpd jansson sqlite3 libsodium libsystemd inih plplot) -lm
+SERVER_LIBS = $(SOLVER_LIBS) $(call LIB,libmicrohttpd jansson sqlite3 libsodium libsystemd inih plplot zlib libzstd) -lm
 CLIENT_LIBS = $(call LIB,libcurl jansson osmesa libpng plplot) -lGLU -lm
 
 # Include paths by folder: who may see whose headers. The client sees nobody else's.
 # -iquote: our limits.h must not stand before the C library's <limits.h>.
 SUITESPARSE       := -isystem /usr/include/suitesparse
 INC_solver         = -iquote solver $(SUITESPARSE)
-INC_server         = -iquote server -iquote solver $(call PKG,libmicrohttpd jansson sqlite3 libsodium libsystemd inih plplot)
+INC_server         = -iquote server -iquote solver $(call PKG,libmicrohttpd jansson sqlite3 libsodium libsystemd inih plplot zlib libzstd)
 INC_client         = -iquote client $(call PKG,libcurl jansson osmesa libpng plplot)
 INC_tests/solver   = -iquote tests $(INC_solver)
 INC_tests/physics  = -iquote tests -iquote solver

@@ -46,6 +46,7 @@ struct call {
     const struct route *route;
     char owner[KEY_NAME_SIZE];      /* whose jobs and meshes it sees: the name of its key; "" without keys */
     char id[SHA256_SIZE];           /* the {id} or {sha256} of the path; "" for routes without */
+    enum coding coding;             /* of the body as it was sent */
     char job_id[ID_SIZE];           /* of the job that a waiting POST made */
     call_fn *next;                  /* what the executor is to run */
     char key[IDEMPOTENCY_KEY_SIZE]; /* of a POST; "": none */
@@ -58,6 +59,10 @@ struct call {
  * suspends the request; call_pass is for a request that is suspended already. */
 void call_defer(struct call *call, struct executor *executor, call_fn *next);
 void call_pass(struct call *call, struct executor *executor, call_fn *next);
+
+/* The body, decoded; valid until http_drop_body or the answer's end. On a thread that may block. 0, or -1
+ * with *reterr. */
+int call_body(struct call *call, const void **ret, size_t *ret_bytes, struct problem *reterr);
 
 /* Answers with a problem. */
 __attribute__((format(printf, 3, 4))) void call_refuse(struct call *call, enum problem_code code,

@@ -1,8 +1,8 @@
 /* api_jobs.c - jobs: posted, listed, looked at, followed, cancelled, and their results. */
 #include "api.h"
 
-#include <errno.h>
 #include <inttypes.h>
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -258,7 +258,8 @@ void job_post(struct call *call)
     if (http_body(call->request, &submission.document, &submission.bytes) != 0) {
         result = problem_set(&problem, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
     } else if (digest_check(http_header(call->request, "Content-Digest"), submission.document,
-                            submission.bytes, &problem) != 0) {
+                            submission.bytes, &problem) != 0 ||
+               call_body(call, &submission.document, &submission.bytes, &problem) != 0) {
         result = -1;
     } else if (call->key[0] != '\0') {
         sha256_hex(submission.document, submission.bytes, digest);

@@ -64,7 +64,8 @@ static int read_upload(struct call *call, struct upload *ret, struct problem *re
     char boundary[MULTIPART_BOUNDARY_SIZE];
     if (http_body(call->request, &ret->data, &ret->bytes) != 0)
         return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
-    if (digest_check(http_header(call->request, "Content-Digest"), ret->data, ret->bytes, reterr) != 0)
+    if (digest_check(http_header(call->request, "Content-Digest"), ret->data, ret->bytes, reterr) != 0 ||
+        call_body(call, &ret->data, &ret->bytes, reterr) != 0)
         return -1;
     int form = multipart_boundary(type, boundary, reterr);
     if (form < 0)

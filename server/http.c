@@ -68,6 +68,11 @@ struct http {
 
 enum body_state { BODY_NONE = 0, BODY_SPOOLING, BODY_TOO_LARGE, BODY_NO_ROOM, BODY_FAILED };
 
+struct joined { /* a header that was given several times */
+    struct joined *next;
+    char *name, *value; /* the values, with commas between them */
+};
+
 struct http_request {
     struct http *http;
     struct MHD_Connection *mhd;
@@ -75,6 +80,8 @@ struct http_request {
     char method[16], *target; /* as sent, without its query */
     const char *path;         /* within it */
     char id[REQUEST_ID_BYTES + 1];
+    struct joined *joined;
+    bool unjoined; /* there was no memory to join some */
     void *context;
     int64_t started_ms, body_started_ms;
     /* the body */
@@ -294,8 +301,8 @@ static struct connection *connection_of(struct MHD_Connection *mhd)
 /* Sees the request target before the library takes its query apart. */
 static void *on_target(void *cls, const char *target, struct MHD_Connection *mhd)
 {
-    struct connection *c = connection_of(mhd);
-    (void)cls;
+    struct http *http = cls;
+    struct connection *c = pulse_is_mine(http->pulse, mhd) ? NULL : connection_of(mhd);
     if (c != NULL)
         framing_target(&c->framing, parses_in_place(), target == NULL ? "" : target);
     return NULL;
@@ -380,8 +387,65 @@ struct http *http_of(const struct http_request *request)
     return request->http;
 }
 
+static struct joined *find_joined(const struct http_request *r, const char *name)
+{
+    struct joined *j = r->joined;
+    while (j != NULL && strcasecmp(j->name, name) != 0)
+        j = j->next;
+    return j;
+}
+
+/* Puts what is given again behind what was given before (RFC 9110 section 5.3). */
+static enum MHD_Result join_header(void *cls, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    struct http_request *r = cls;
+    const char *first = MHD_lookup_connection_value(r->mhd, kind, name);
+    char *text;
+    if (first == value)
+        return MHD_YES;
+    r->unjoined = true;
+    struct joined *j = find_joined(r, name);
+    if (asprintf(&text, "%s, %s", j == NULL ? first : j->value, value) < 0)
+        return MHD_NO;
+    if (j == NULL) {
+        j = calloc(1, sizeof *j);
+        if (j == NULL || (j->name = strdup(name)) == NULL) {
+            free(text);
+            free(j);
+            return MHD_NO;
+        }
+        j->next = r->joined;
+        r->joined = j;
+    }
+    free(j->value);
+    j->value = text;
+    r->unjoined = false;
+    return MHD_YES;
+}
+
+/* 0, or -1 when out of memory. */
+static int join_headers(struct http_request *r)
+{
+    MHD_get_connection_values(r->mhd, MHD_HEADER_KIND, join_header, r);
+    return r->unjoined ? -1 : 0;
+}
+
+static void free_joined(struct joined *j)
+{
+    while (j != NULL) {
+        struct joined *next = j->next;
+        free(j->name);
+        free(j->value);
+        free(j);
+        j = next;
+    }
+}
+
 const char *http_header(const struct http_request *request, const char *name)
 {
+    const struct joined *joined = find_joined(request, name);
+    if (joined != NULL)
+        return joined->value;
     return MHD_lookup_connection_value(request->mhd, MHD_HEADER_KIND, name);
 }
 
@@ -542,6 +606,69 @@ void http_drop_body(struct http_request *request)
     request->map = NULL;
     request->spool = -1;
     request->body_bytes = 0;
+}
+
+struct decoded { /* grows beside the body that it is to replace */
+    struct http *http;
+    const char *why; /* NULL: nothing failed */
+    int fd;
+    size_t bytes;
+    enum problem_code code;
+};
+
+static int keep_decoded(const void *data, size_t bytes, void *sink_data)
+{
+    struct decoded *decoded = sink_data;
+    if (!reserve_spool(decoded->http, bytes)) {
+        decoded->code = PROBLEM_BUSY;
+        decoded->why = "Too many bodies are being read.";
+        return -1;
+    }
+    decoded->bytes += bytes;
+    if (files_write_all(decoded->fd, data, bytes) == 0)
+        return 0;
+    decoded->code = PROBLEM_STORAGE;
+    decoded->why = "The body could not be spooled.";
+    return -1;
+}
+
+/* What became of decoding, in words; 0 when all went well. */
+static int decoding_problem(const struct http_request *r, enum coding coding, enum decoding result,
+                            const char *why, const struct decoded *decoded, struct problem *reterr)
+{
+    switch (result) {
+    case DECODING_OK:
+        return 0;
+    case DECODING_CORRUPT:
+        return problem_set(reterr, PROBLEM_BAD_ENCODING, "The body cannot be decoded from %s: %s.",
+                           coding_name(coding), why);
+    case DECODING_TOO_LARGE:
+        return problem_set(reterr, PROBLEM_LENGTH, "The body may have %zu bytes when decoded.", r->body_cap);
+    case DECODING_STOPPED:
+        return problem_set(reterr, decoded->code, "%s", decoded->why);
+    case DECODING_NO_MEMORY:
+        break;
+    }
+    return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+}
+
+int http_decode_body(struct http_request *r, enum coding coding, struct problem *reterr)
+{
+    struct decoded decoded = {.http = r->http, .fd = open_spool(r->http->setup.spool_dir)};
+    const void *data;
+    size_t bytes;
+    const char *why = "";
+    if (decoded.fd < 0 || http_body(r, &data, &bytes) != 0) {
+        if (decoded.fd >= 0)
+            close(decoded.fd);
+        return problem_set(reterr, PROBLEM_STORAGE, "The body could not be spooled.");
+    }
+    enum decoding result = encoding_decode(coding, data, bytes, r->body_cap, keep_decoded, &decoded, &why);
+    int failed = decoding_problem(r, coding, result, why, &decoded, reterr);
+    http_drop_body(r);
+    r->spool = decoded.fd; /* a part of it goes with the request */
+    r->body_bytes = decoded.bytes;
+    return failed;
 }
 
 /* The problem to answer with once a refused body has been drained; false when the body is fine. */
@@ -821,6 +948,10 @@ static void begin_request(struct http_request *r, const char *method, const char
         fault = "The request target must be a path here.";
         code = PROBLEM_BAD_REQUEST;
     }
+    if (fault == NULL && join_headers(r) != 0) {
+        fault = "Out of memory.";
+        code = PROBLEM_INTERNAL;
+    }
     if (fault != NULL) {
         refuse(r, code, fault);
         return;
@@ -916,6 +1047,7 @@ static void on_completed(void *cls, struct MHD_Connection *mhd, void **con_cls,
     http->active--;
     pthread_mutex_unlock(&http->lock);
     http_answer_free(r->answer);
+    free_joined(r->joined);
     free(r->target);
     free(r);
     *con_cls = NULL;
@@ -973,7 +1105,7 @@ int http_start(const struct http_setup *setup, struct http **ret)
         on_request, http, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET,
         setup->listen_fd, MHD_OPTION_CONNECTION_LIMIT, setup->connections + 1 /* the pulse */,
         MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_SECONDS, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        (size_t)HEAD_BYTES, MHD_OPTION_URI_LOG_CALLBACK, on_target, NULL, MHD_OPTION_UNESCAPE_CALLBACK,
+        (size_t)HEAD_BYTES, MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK,
         unescape_nothing, NULL, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_END);
     if (http->daemon == NULL) {

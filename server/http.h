@@ -20,6 +20,7 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
+#include "encoding.h"
 #include "problem.h"
 
 struct http;
@@ -69,7 +70,8 @@ struct http *http_stop(struct http *http); /* NULL is fine; returns NULL */
 const char *http_method(const struct http_request *request);
 const char *http_path(const struct http_request *request);       /* as sent: nothing unescaped */
 const char *http_request_id(const struct http_request *request); /* the client's, or a new one */
-const char *http_header(const struct http_request *request, const char *name); /* NULL: none */
+/* NULL: none. One that was given several times is given with commas between its values. */
+const char *http_header(const struct http_request *request, const char *name);
 
 /* Decodes a query argument into `buffer`; 0, 1 when there is none, -1 when it is malformed or too long. */
 int http_query(const struct http_request *request, const char *name, char *buffer, size_t size);
@@ -85,6 +87,10 @@ void http_expect_body(struct http_request *request, size_t cap);
 
 /* The body, mapped; valid until http_drop_body or the answer's end. 0, or -1 with errno. */
 int http_body(struct http_request *request, const void **ret, size_t *ret_bytes);
+
+/* Puts in its place what it decodes to, which may have as many bytes as were welcome; on a thread that may
+ * block. 0, or -1 with *reterr: PROBLEM_BAD_ENCODING, _LENGTH, _BUSY, _STORAGE or _INTERNAL. */
+int http_decode_body(struct http_request *request, enum coding coding, struct problem *reterr);
 void http_drop_body(struct http_request *request); /* no longer needed; frees the spool early */
 
 /* From `handle`: the answer will come later. */

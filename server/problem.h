@@ -14,6 +14,7 @@ enum problem_code {
     PROBLEM_BAD_REQUEST,        /* 400 */
     PROBLEM_BAD_JSON,           /* 400: not JSON; detail has line and column */
     PROBLEM_BAD_CURSOR,         /* 400 */
+    PROBLEM_BAD_ENCODING,       /* 400: the body is not in its Content-Encoding */
     PROBLEM_DIGEST_MISMATCH,    /* 400: the body's SHA-256 is not the one in the path */
     PROBLEM_UNAUTHORIZED,       /* 401 */
     PROBLEM_NOT_FOUND,          /* 404 */
@@ -26,6 +27,7 @@ enum problem_code {
     PROBLEM_GONE,               /* 410 */
     PROBLEM_LENGTH,             /* 413: body too large */
     PROBLEM_MEDIA_TYPE,         /* 415 */
+    PROBLEM_ENCODING,           /* 415: another Content-Encoding */
     PROBLEM_EXPECTATION,        /* 417 */
     PROBLEM_INVALID,            /* 422: a member of the job or mesh is wrong; errors[] has pointers */
     PROBLEM_UNSUPPORTED,        /* 422: in the contract, not in this version; errors[] has pointers */

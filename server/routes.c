@@ -1,11 +1,11 @@
 /* routes.c - see routes.h. */
 #include "routes.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "api.h"
 #include "jsonout.h"
@@ -118,11 +118,24 @@ void call_defer(struct call *call, struct executor *executor, call_fn *next)
     call_pass(call, executor, next);
 }
 
+int call_body(struct call *call, const void **ret, size_t *ret_bytes, struct problem *reterr)
+{
+    enum coding coding = call->coding;
+    call->coding = CODING_IDENTITY;
+    if (coding != CODING_IDENTITY && http_decode_body(call->request, coding, reterr) != 0)
+        return -1;
+    if (http_body(call->request, ret, ret_bytes) != 0)
+        return problem_set(reterr, PROBLEM_STORAGE, "The body could not be read: %s.", strerror(errno));
+    return 0;
+}
+
 void call_problem(struct call *call, const struct problem *problem)
 {
     struct http_answer *answer = http_answer_problem(call->request, problem);
     if (problem->code == PROBLEM_NOT_READY || problem->code == PROBLEM_KEY_IN_FLIGHT)
         http_answer_header(answer, "Retry-After", "1");
+    if (problem->code == PROBLEM_ENCODING)
+        http_answer_header(answer, "Accept-Encoding", CODING_LIST);
     http_send(call->request, answer);
 }
 
@@ -195,11 +208,13 @@ static int read_key(struct call *call, const char *header, struct problem *reter
 static int check_body_head(struct call *call, struct problem *reterr)
 {
     const char *type = http_header(call->request, "Content-Type");
-    const char *coding = http_header(call->request, "Content-Encoding");
     const char *key = http_header(call->request, "Idempotency-Key");
-    if (coding != NULL && strcasecmp(coding, "identity") != 0)
-        return problem_set(reterr, PROBLEM_MEDIA_TYPE,
-                           "Bodies are taken as they are, without Content-Encoding.");
+    const char *name = http_header(call->request, "Content-Encoding");
+    int coding = name == NULL ? CODING_IDENTITY : coding_from_name(name, strlen(name));
+    if (coding < 0)
+        return problem_set(reterr, PROBLEM_ENCODING,
+                           "A body may have one of these encodings: " CODING_LIST ".");
+    call->coding = (enum coding)coding;
     if (call->route->body == JOB_BODY) {
         if (!negotiate_is_type(type, "application/json"))
             return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A job is application/json.");

@@ -15,6 +15,8 @@ libsqlite3-dev        draped: the job store
 libsodium-dev         draped: SHA-256 and random ids
 libsystemd-dev        draped: readiness and watchdog notices
 libinih-dev           draped: its file of settings
+zlib1g-dev            draped: gzip
+libzstd-dev           draped: zstd
 libplplot-dev         draped and drape: plots of traces
 libcurl4-openssl-dev  drape: HTTP
 libosmesa6-dev        drape: the picture, drawn in memory
