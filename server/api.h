@@ -22,6 +22,16 @@
 #include "stream.h"
 #include "waits.h"
 
+/* A document that stays as it is while the daemon runs (represent.h). */
+struct page {
+    const char *type;
+    char tag[SHA256_SIZE];
+    char *data[CODINGS]; /* owned; NULL: not in this coding */
+    size_t bytes[CODINGS];
+};
+
+enum page_name { PAGE_ROOT = 0, PAGE_OPENAPI, PAGE_MATERIALS, PAGES };
+
 struct api { /* wired by main; outlives the listeners */
     const struct config *config;
     struct keys *keys; /* NULL: none are needed, everything is the owner's "" */
@@ -33,6 +43,7 @@ struct api { /* wired by main; outlives the listeners */
     struct waits *waits;
     struct claims *claims;
     struct executor *clerk, *reader;
+    struct page page[PAGES];
     const char *blas; /* the BLAS kernel in use */
     struct health health;
 };
@@ -59,6 +70,8 @@ struct call {
  * suspends the request; call_pass is for a request that is suspended already. */
 void call_defer(struct call *call, struct executor *executor, call_fn *next);
 void call_pass(struct call *call, struct executor *executor, call_fn *next);
+bool call_try_pass(struct call *call, struct executor *executor,
+                   call_fn *next); /* false: no room, nothing done */
 
 /* The body, decoded; valid until http_drop_body or the answer's end. On a thread that may block. 0, or -1
  * with *reterr. */
@@ -93,6 +106,8 @@ call_fn job_events, jobs_events;
 call_fn mesh_put, mesh_post, mesh_get, mesh_delete;
 
 /* api_about.c */
+int about_open(struct api *api); /* makes the pages; 0, or -1 when out of memory */
+void about_close(struct api *api);
 call_fn about_info, about_materials, about_openapi, about_root, admin_livez, admin_readyz, admin_metrics;
 
 #endif

@@ -1,10 +1,14 @@
 /* api_about.c - what the daemon says of itself: information, materials, documents, health, metrics. */
 #include "api.h"
 
+#include <stdlib.h>
+#include <string.h>
+
 #include "assets.h"
 #include "clock.h"
 #include "drape.h"
 #include "meshfile.h"
+#include "represent.h"
 #include "schema.h"
 
 static json_t *limits_json(const struct limits *limits)
@@ -56,27 +60,48 @@ void about_info(struct call *call)
     http_send(call->request, answer_json(200, json));
 }
 
+static const char root_page[] =
+    "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>draped</title>\n"
+    "<h1>draped</h1>\n<p>Finds how garments hang at rest.</p>\n<ul>\n"
+    "<li><a href=\"/openapi.json\">/openapi.json</a>: the interface</li>\n"
+    "<li><a href=\"/v1/info\">/v1/info</a>: version, limits, formats</li>\n"
+    "<li><a href=\"/v1/materials\">/v1/materials</a>: the fabrics known by name</li>\n"
+    "<li><a href=\"/v1/jobs\">/v1/jobs</a>: the jobs</li>\n</ul>\n</html>\n";
+
+int about_open(struct api *api)
+{
+    json_t *json = schema_materials_json();
+    char *materials = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
+    json_decref(json);
+    int failed =
+        materials == NULL ||
+        page_make("application/json", materials, strlen(materials), &api->page[PAGE_MATERIALS]) != 0 ||
+        page_make("application/json", asset_openapi, (size_t)(asset_openapi_end - asset_openapi),
+                  &api->page[PAGE_OPENAPI]) != 0 ||
+        page_make("text/html; charset=utf-8", root_page, sizeof root_page - 1, &api->page[PAGE_ROOT]) != 0;
+    free(materials);
+    return failed ? -1 : 0;
+}
+
+void about_close(struct api *api)
+{
+    for (size_t i = 0; i < PAGES; i++)
+        page_done(&api->page[i]);
+}
+
 void about_materials(struct call *call)
 {
-    http_send(call->request, answer_json(200, schema_materials_json()));
+    page_send(call, &call->api->page[PAGE_MATERIALS]);
 }
 
 void about_openapi(struct call *call)
 {
-    http_send(call->request, http_answer_static(200, "application/json", asset_openapi,
-                                                (size_t)(asset_openapi_end - asset_openapi)));
+    page_send(call, &call->api->page[PAGE_OPENAPI]);
 }
 
 void about_root(struct call *call)
 {
-    static const char page[] =
-        "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>draped</title>\n"
-        "<h1>draped</h1>\n<p>Finds how garments hang at rest.</p>\n<ul>\n"
-        "<li><a href=\"/openapi.json\">/openapi.json</a>: the interface</li>\n"
-        "<li><a href=\"/v1/info\">/v1/info</a>: version, limits, formats</li>\n"
-        "<li><a href=\"/v1/materials\">/v1/materials</a>: the fabrics known by name</li>\n"
-        "<li><a href=\"/v1/jobs\">/v1/jobs</a>: the jobs</li>\n</ul>\n</html>\n";
-    http_send(call->request, http_answer_static(200, "text/html; charset=utf-8", page, sizeof page - 1));
+    page_send(call, &call->api->page[PAGE_ROOT]);
 }
 
 /* Alive is whoever can say so: asks nobody, least of all the store. */

@@ -14,6 +14,7 @@
 #include "meshref.h"
 #include "negotiate.h"
 #include "output.h"
+#include "represent.h"
 #include "schema.h"
 #include "start.h"
 
@@ -556,16 +557,40 @@ static bool find_ended(struct call *call, struct job *ret)
     return false;
 }
 
+/* Opens the file in the coding that the client likes best of those that are there. 0; 1 when it has been
+ * answered that none will do; STORE_NONE; or -1 with *reterr. */
+static int open_representation(struct call *call, const struct job *job, const struct representation *r,
+                               enum coding *ret_coding, int *ret_fd, uint64_t *ret_bytes,
+                               struct problem *reterr)
+{
+    unsigned offered = (1u << CODINGS) - 1;
+    for (;;) {
+        char file[32];
+        int coding = represent_choose(call, offered);
+        if (coding < 0)
+            return ANSWERED;
+        const char *suffix = coding_suffix((enum coding)coding);
+        snprintf(file, sizeof file, "%s%s%s", r->file, *suffix ? "." : "", suffix);
+        int found = store_result_open(call->api->store, job->id, job->revision.attempt, file, ret_fd,
+                                      ret_bytes, reterr);
+        *ret_coding = (enum coding)coding;
+        if (found != STORE_NONE || coding == CODING_IDENTITY)
+            return found;
+        offered &= ~CODING_BIT(coding);
+    }
+}
+
 static void send_file(struct call *call, const struct job *job, const struct representation *r)
 {
     struct problem problem;
+    enum coding coding;
     uint64_t bytes;
-    int fd;
-    char etag[96];
-    int found = job->status == JOB_SUCCEEDED
-                    ? store_result_open(call->api->store, job->id, job->revision.attempt, r->file, &fd,
-                                        &bytes, &problem)
-                    : STORE_NONE;
+    int fd, found = STORE_NONE;
+    char tag[64];
+    if (job->status == JOB_SUCCEEDED)
+        found = open_representation(call, job, r, &coding, &fd, &bytes, &problem);
+    if (found == ANSWERED)
+        return;
     if (found > 0)
         problem_set(&problem, PROBLEM_NO_RESULT, "The job ended as %s, without a result.",
                     job_status_name(job->status));
@@ -573,16 +598,9 @@ static void send_file(struct call *call, const struct job *job, const struct rep
         call_problem(call, &problem);
         return;
     }
-    snprintf(etag, sizeof etag, "\"%s-%" PRIu32 "-%s\"", job->id, job->revision.attempt, r->name);
-    struct http_answer *answer = http_answer_file(200, r->type, fd, bytes);
-    if (negotiate_unchanged(http_header(call->request, "If-None-Match"), etag)) {
-        http_answer_free(answer);
-        answer = http_answer_empty(304);
-    }
-    http_answer_header(answer, "ETag", "%s", etag);
-    http_answer_header(answer, "Vary", "Accept");
-    http_answer_header(answer, "Cache-Control", "no-cache");
-    http_send(call->request, answer);
+    snprintf(tag, sizeof tag, "%s-%" PRIu32 "-%s", job->id, job->revision.attempt, r->name);
+    struct representing as = {tag, coding, "Accept, Accept-Encoding", "no-cache"};
+    represent_send(call, http_answer_file(200, r->type, fd, bytes), &as);
 }
 
 static void send_representation(struct call *call, const struct representation *table, size_t count)

@@ -3,7 +3,10 @@
 
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "clock.h"
 #include "digest.h"
@@ -11,6 +14,7 @@
 #include "meshfile.h"
 #include "multipart.h"
 #include "negotiate.h"
+#include "represent.h"
 
 static void answer_mesh(struct call *call, int status, const struct store_mesh *mesh)
 {
@@ -153,31 +157,124 @@ void mesh_post(struct call *call)
     take_mesh(call, NULL);
 }
 
-void mesh_get(struct call *call)
+/* ---- GET ------------------------------------------------------------------------------------------------
+ */
+
+/* What is sent of a mesh, and how. */
+struct outgoing {
+    struct store_mesh mesh;
+    enum coding coding;
+    int fd;
+    uint64_t bytes; /* in that coding */
+};
+
+/* The mesh as it was uploaded; false: answered that it is not there. */
+static bool open_mesh(struct call *call, struct outgoing *ret)
 {
     struct problem problem;
-    struct store_mesh mesh;
-    char etag[SHA256_SIZE + 2];
-    int fd;
-    int found = store_mesh_open(call->api->store, call->owner, call->id, &mesh, &fd, &problem);
-    if (found != 0) {
-        if (found > 0)
-            problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
+    int found = store_mesh_open(call->api->store, call->owner, call->id, &ret->mesh, &ret->fd, &problem);
+    ret->coding = CODING_IDENTITY;
+    ret->bytes = ret->mesh.bytes;
+    if (found > 0)
+        problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
+    if (found != 0)
         call_problem(call, &problem);
+    else /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
+        store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
+    return found == 0;
+}
+
+static void send_mesh(struct call *call, const struct outgoing *out)
+{
+    struct representing as = {call->id, out->coding, "Accept, Accept-Encoding",
+                              "private, max-age=31536000, immutable"};
+    const char *type = mesh_format_media_type((enum mesh_format)out->mesh.format);
+    represent_send(call, http_answer_file(200, type, out->fd, out->bytes), &as);
+}
+
+/* The coding that the client likes best of those that are worth it. 0 with the file open in it; STORE_NONE:
+ * it has yet to be made, in out->coding; ANSWERED: none will do. */
+static int open_coded(struct call *call, struct outgoing *out)
+{
+    unsigned offered = out->mesh.bytes >= CODED_LEAST ? (1u << CODINGS) - 1 : CODING_BIT(CODING_IDENTITY);
+    for (;;) {
+        int fd, coding = represent_choose(call, offered);
+        uint64_t bytes;
+        if (coding < 0)
+            return ANSWERED;
+        out->coding = (enum coding)coding;
+        if (coding == CODING_IDENTITY)
+            return 0;
+        int found =
+            store_mesh_coded_open(call->api->store, call->id, coding_suffix(out->coding), &fd, &bytes, NULL);
+        if (found == 0 && bytes > 0) {
+            close(out->fd);
+            out->fd = fd;
+            out->bytes = bytes;
+        } else if (found == 0) {
+            close(fd); /* known not to be worth it */
+        }
+        if (found == STORE_NONE || (found == 0 && bytes > 0))
+            return found;
+        offered &= ~CODING_BIT(coding);
+    }
+}
+
+/* Makes and keeps it in that coding; 0 or -1. */
+static int encode_mesh(struct call *call, const struct outgoing *out)
+{
+    char *coded;
+    size_t bytes;
+    void *data = mmap(NULL, out->mesh.bytes, PROT_READ, MAP_PRIVATE, out->fd, 0);
+    if (data == MAP_FAILED)
+        return -1;
+    int failed = encoding_encode_whole(out->coding, data, out->mesh.bytes, &coded, &bytes);
+    munmap(data, out->mesh.bytes);
+    if (failed)
+        return -1;
+    failed = store_mesh_coded_add(call->api->store, call->id, coding_suffix(out->coding), coded, bytes, NULL);
+    free(coded);
+    return failed;
+}
+
+/* On the reader's thread: of several who ask for it, the first makes it. */
+static void send_coded(struct call *call)
+{
+    struct outgoing out;
+    if (!open_mesh(call, &out))
         return;
+    int found;
+    while ((found = open_coded(call, &out)) == STORE_NONE)
+        if (encode_mesh(call, &out) != 0) {
+            out.coding = CODING_IDENTITY; /* acceptable or not: better than none */
+            found = 0;
+            break;
+        }
+    if (found == ANSWERED)
+        close(out.fd);
+    else
+        send_mesh(call, &out);
+}
+
+void mesh_get(struct call *call)
+{
+    struct outgoing out;
+    if (!open_mesh(call, &out))
+        return;
+    int found = open_coded(call, &out);
+    if (found == ANSWERED) {
+        close(out.fd);
+    } else if (found == STORE_NONE) {
+        int fd = out.fd;
+        if (call_try_pass(call, call->api->reader, send_coded)) {
+            close(fd);
+        } else {
+            out.coding = CODING_IDENTITY;
+            send_mesh(call, &out);
+        }
+    } else {
+        send_mesh(call, &out);
     }
-    /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
-    store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
-    snprintf(etag, sizeof etag, "\"%s\"", call->id);
-    struct http_answer *answer =
-        http_answer_file(200, mesh_format_media_type((enum mesh_format)mesh.format), fd, mesh.bytes);
-    if (negotiate_unchanged(http_header(call->request, "If-None-Match"), etag)) {
-        http_answer_free(answer);
-        answer = http_answer_empty(304);
-    }
-    http_answer_header(answer, "ETag", "%s", etag);
-    http_answer_header(answer, "Cache-Control", "private, max-age=31536000, immutable");
-    http_send(call->request, answer);
 }
 
 void mesh_delete(struct call *call)

@@ -1,7 +1,7 @@
 /* encoding.c - see encoding.h. */
 #include "encoding.h"
 
-#include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -16,8 +16,8 @@
 #define GZIP_WBITS  (15 + 16) /* the largest window, in gzip's frame */
 #define ZSTD_WINDOW 23        /* log2: what the "zstd" coding allows (RFC 9659) */
 
-/* Measured on the drape of 30 000 vertices (README, "Limits"): higher levels take three times as long for a
- * tenth less. */
+/* Of a drape of 30 000 vertices as JSON (3.4 MB): gzip -2 0.68 MB in 34 ms, -4 0.58 in 137, -6 0.54 in 588;
+ * zstd -1 0.50 in 30, -3 0.46 in 41, -6 0.46 in 129. */
 #define GZIP_LEVEL 2
 #define ZSTD_LEVEL 3
 
@@ -210,4 +210,26 @@ int encoding_encode(enum coding coding, const void *data, size_t bytes, encoding
         failed = sink(data, bytes, sink_data);
     free(piece);
     return failed ? -1 : 0;
+}
+
+static int write_to(const void *data, size_t bytes, void *sink_data)
+{
+    return fwrite(data, 1, bytes, sink_data) == bytes ? 0 : -1;
+}
+
+int encoding_encode_whole(enum coding coding, const void *data, size_t bytes, char **ret, size_t *ret_bytes)
+{
+    char *coded = NULL;
+    size_t coded_bytes = 0;
+    FILE *out = open_memstream(&coded, &coded_bytes);
+    if (out == NULL)
+        return -1;
+    int failed = encoding_encode(coding, data, bytes, write_to, out);
+    if (fclose(out) != 0 || failed) {
+        free(coded);
+        return -1;
+    }
+    *ret = coded;
+    *ret_bytes = coded_is_worth(bytes, coded_bytes) ? coded_bytes : 0;
+    return 0;
 }

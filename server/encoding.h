@@ -4,6 +4,7 @@
 #ifndef DRAPED_ENCODING_H
 #define DRAPED_ENCODING_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 enum coding { CODING_IDENTITY = 0, CODING_GZIP, CODING_ZSTD, CODINGS };
@@ -13,6 +14,14 @@ enum coding { CODING_IDENTITY = 0, CODING_GZIP, CODING_ZSTD, CODINGS };
 const char *coding_name(enum coding coding);          /* "gzip" */
 const char *coding_suffix(enum coding coding);        /* "gz"; "" of identity */
 int coding_from_name(const char *name, size_t bytes); /* any case; -1: unknown */
+
+/* Smaller things are not worth coding: they fit into one packet as they are. */
+#define CODED_LEAST 1400
+/* Nor are those that lose less than a tenth. */
+static inline bool coded_is_worth(size_t bytes, size_t coded_bytes)
+{
+    return bytes >= CODED_LEAST && coded_bytes <= bytes / 10 * 9;
+}
 
 /* Takes the next piece; nonzero stops the work. */
 typedef int encoding_sink_fn(const void *data, size_t bytes, void *sink_data);
@@ -27,5 +36,9 @@ enum decoding encoding_decode(enum coding coding, const void *data, size_t bytes
 /* 0, or -1: the sink stopped it, or out of memory. */
 int encoding_encode(enum coding coding, const void *data, size_t bytes, encoding_sink_fn *sink,
                     void *sink_data);
+
+/* All at once, into memory that the caller frees: *ret_bytes, none where it is not worth it. 0, or -1 when
+ * out of memory. */
+int encoding_encode_whole(enum coding coding, const void *data, size_t bytes, char **ret, size_t *ret_bytes);
 
 #endif

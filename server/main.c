@@ -250,7 +250,7 @@ static int make_rooms(struct server *s)
     struct wait_answers answers = {job_wait_changed, job_wait_expired, NULL};
     struct problem problem;
     api->config = &s->config;
-    if ((api->metrics = metrics_new()) == NULL ||
+    if (about_open(api) != 0 || (api->metrics = metrics_new()) == NULL ||
         (api->hub = hub_new(s->config.limits.streams, s->config.limits.streams_per_key)) == NULL ||
         (api->waits = waits_new(&answers)) == NULL || (api->claims = claims_new()) == NULL ||
         (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
@@ -405,6 +405,7 @@ static void stop(struct server *s)
     api->store = store_close(api->store);
     api->metrics = metrics_free(api->metrics);
     api->keys = keys_free(api->keys);
+    about_close(api);
 }
 
 /* ---- main -----------------------------------------------------------------------------------------------

@@ -30,17 +30,27 @@ static const char *next_element(const char **list, size_t *ret_bytes)
     return start;
 }
 
-/* The weight of one element of Accept in thousandths; 1000 without a q parameter. */
+/* In thousandths (RFC 9110 section 12.4.2); 0 for what is no weight. */
+static int weight_of(const char *text, const char *end)
+{
+    int value = *text == '1' ? 1000 : 0;
+    if (text == end || (*text != '0' && *text != '1'))
+        return 0;
+    if (++text < end && *text == '.')
+        for (int unit = 100; ++text < end && unit > 0 && *text >= '0' && *text <= '9'; unit /= 10)
+            value += unit * (*text - '0');
+    return value > 1000 || (text < end && strchr("; \t", *text) == NULL) ? 0 : value;
+}
+
+/* The weight of one element of a list in thousandths; 1000 without a q parameter. */
 static int quality(const char *element, size_t bytes)
 {
     for (size_t i = 0; i + 2 < bytes; i++) {
         if (element[i] != ';')
             continue;
         const char *p = skip_blanks(element + i + 1);
-        if ((*p == 'q' || *p == 'Q') && p[1] == '=' && p + 2 < element + bytes) {
-            double q = strtod(p + 2, NULL);
-            return q >= 1 ? 1000 : q > 0 ? (int)(1000 * q + 0.5) : 0;
-        }
+        if (p + 1 < element + bytes && (*p == 'q' || *p == 'Q') && p[1] == '=')
+            return weight_of(p + 2, element + bytes);
     }
     return 1000;
 }
@@ -89,6 +99,40 @@ int negotiate_accept(const char *accept, const char *const *offer, size_t offers
         }
     }
     return best;
+}
+
+/* The weight that Accept-Encoding gives a coding, -1: it does not say. */
+static int coding_weight(const char *accept_encoding, enum coding coding)
+{
+    int any = -1, named = -1;
+    size_t bytes;
+    const char *element;
+    while ((element = next_element(&accept_encoding, &bytes)) != NULL) {
+        size_t name = 0;
+        while (name < bytes && strchr("; \t", element[name]) == NULL)
+            name++;
+        if (name == 1 && *element == '*')
+            any = quality(element, bytes);
+        else if (coding_from_name(element, name) == (int)coding)
+            named = quality(element, bytes);
+    }
+    return named >= 0 ? named : any;
+}
+
+int negotiate_coding(const char *accept_encoding, unsigned offered)
+{
+    static const enum coding order[CODINGS] = {CODING_ZSTD, CODING_GZIP, CODING_IDENTITY};
+    int best = -1, best_weight = 0;
+    for (size_t i = 0; accept_encoding != NULL && i < CODINGS; i++) {
+        int w = coding_weight(accept_encoding, order[i]);
+        if (order[i] == CODING_IDENTITY && w < 0 && best < 0)
+            w = 1; /* acceptable unless it is excluded, if nothing better is */
+        if ((offered & 1u << order[i]) && w > best_weight) {
+            best_weight = w;
+            best = (int)order[i];
+        }
+    }
+    return accept_encoding == NULL ? CODING_IDENTITY : best;
 }
 
 bool negotiate_unchanged(const char *if_none_match, const char *etag)

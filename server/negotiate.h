@@ -1,13 +1,21 @@
-/* negotiate.h - request headers that choose: Accept, If-None-Match, Prefer. Pure text, no sockets. */
+/* negotiate.h - request headers that choose: Accept, Accept-Encoding, If-None-Match, Prefer. Pure text, no
+ * sockets. */
 #ifndef DRAPED_NEGOTIATE_H
 #define DRAPED_NEGOTIATE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "encoding.h"
+
 /* The index of the media type of `offer` that `accept` (NULL: anything) likes best, the first of
  * equals; -1: none is acceptable (RFC 9110 section 12.5.1). */
 int negotiate_accept(const char *accept, const char *const *offer, size_t offers);
+
+/* The coding of those whose bits (1 << coding) are in `offered` that Accept-Encoding likes best, -1: none
+ * is acceptable (RFC 9110 section 12.5.3). Of equals the one that makes things smallest soonest: zstd, gzip,
+ * identity. Without the header (NULL) or with an empty one identity, and what cannot be read is not there. */
+int negotiate_coding(const char *accept_encoding, unsigned offered);
 
 /* Whether an If-None-Match (NULL: none) names `etag` (with its quotes), or is "*". Weak comparison. */
 bool negotiate_unchanged(const char *if_none_match, const char *etag);

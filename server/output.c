@@ -6,8 +6,12 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include "encoding.h"
+#include "files.h"
 #include "fitmap.h"
 #include "groups.h"
 #include "plot.h"
@@ -270,6 +274,50 @@ static int write_file(int dirfd, const char *name, writer_fn *writer, const stru
     return problem_set(reterr, PROBLEM_STORAGE, "%s could not be written: %s", name, strerrordesc_np(error));
 }
 
+struct coded { /* a file that is being coded */
+    int fd;
+    size_t bytes;
+};
+
+static int write_coded(const void *data, size_t bytes, void *sink_data)
+{
+    struct coded *coded = sink_data;
+    coded->bytes += bytes;
+    return files_write_all(coded->fd, data, bytes);
+}
+
+static void encode_as(int dirfd, const char *name, enum coding coding, const void *data, size_t bytes)
+{
+    char path[64];
+    snprintf(path, sizeof path, "%s.%s", name, coding_suffix(coding));
+    struct coded coded = {openat(dirfd, path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600),
+                          0};
+    if (coded.fd < 0)
+        return;
+    int failed = encoding_encode(coding, data, bytes, write_coded, &coded) != 0 ||
+                 !coded_is_worth(bytes, coded.bytes) || fsync(coded.fd) != 0;
+    if (close(coded.fd) != 0 || failed)
+        unlinkat(dirfd, path, 0);
+}
+
+/* The file once more in every coding that is worth it. These are a convenience: where one cannot be written
+ * the drape is not lost, and is sent as it is. */
+static void encode_file(int dirfd, const char *name)
+{
+    int fd = openat(dirfd, name, O_RDONLY | O_CLOEXEC);
+    struct stat st;
+    if (fd >= 0 && fstat(fd, &st) == 0 && st.st_size >= CODED_LEAST) {
+        size_t bytes = (size_t)st.st_size;
+        void *data = mmap(NULL, bytes, PROT_READ, MAP_PRIVATE, fd, 0);
+        for (int c = CODING_IDENTITY + 1; data != MAP_FAILED && c < CODINGS; c++)
+            encode_as(dirfd, name, (enum coding)c, data, bytes);
+        if (data != MAP_FAILED)
+            munmap(data, bytes);
+    }
+    if (fd >= 0)
+        close(fd);
+}
+
 static int check_finite(const struct output *output, struct problem *reterr)
 {
     for (size_t i = 0; i < 3 * output->mesh.vertices; i++)
@@ -285,10 +333,12 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
         const char *name;
         writer_fn *writer;
         bool result; /* left out of a job that only evaluated the start */
-    } FILES[] = {{OUTPUT_RESULT_JSON, write_json, true},       {OUTPUT_RESULT_OBJ, write_obj, true},
-                 {OUTPUT_RESULT_PLY, write_ply, true},         {OUTPUT_RESULT_GLB, write_glb, true},
-                 {OUTPUT_POSITIONS, write_positions, true},    {OUTPUT_TRACE_CSV, write_trace_csv, false},
-                 {OUTPUT_TRACE_JSON, write_trace_json, false}, {OUTPUT_TRACE_SVG, write_trace_svg, false}};
+        bool served; /* to clients, which may want it coded */
+    } FILES[] = {
+        {OUTPUT_RESULT_JSON, write_json, true, true},       {OUTPUT_RESULT_OBJ, write_obj, true, true},
+        {OUTPUT_RESULT_PLY, write_ply, true, true},         {OUTPUT_RESULT_GLB, write_glb, true, true},
+        {OUTPUT_POSITIONS, write_positions, true, false},   {OUTPUT_TRACE_CSV, write_trace_csv, false, true},
+        {OUTPUT_TRACE_JSON, write_trace_json, false, true}, {OUTPUT_TRACE_SVG, write_trace_svg, false, true}};
     struct output output = {
         .spec = spec, .report = report, .mesh = spec->cloth, .fit = fit, .row = row, .rows = rows};
     struct fitmap map = {0};
@@ -304,9 +354,13 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
         return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
     }
     output.fitmap = fit ? &map : NULL;
-    for (size_t i = 0; i < sizeof FILES / sizeof *FILES && rc == 0; i++)
-        if (result || !FILES[i].result)
-            rc = write_file(dirfd, FILES[i].name, FILES[i].writer, &output, reterr);
+    for (size_t i = 0; i < sizeof FILES / sizeof *FILES && rc == 0; i++) {
+        if (!result && FILES[i].result)
+            continue;
+        rc = write_file(dirfd, FILES[i].name, FILES[i].writer, &output, reterr);
+        if (rc == 0 && FILES[i].served)
+            encode_file(dirfd, FILES[i].name);
+    }
     fitmap_done(&map);
     free(output.normals);
     return rc;

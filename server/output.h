@@ -14,6 +14,8 @@
 #define OUTPUT_TRACE_JSON  "trace.json"
 #define OUTPUT_TRACE_SVG   "trace.svg"
 
+/* All but the positions once more in every content coding that is worth it: "result.json.gz". */
+
 /* Writes and fsyncs all of them into the open folder `dirfd`. `positions`: 3*spec->cloth.vertices. `fit`:
  * NULL where the job did not ask for it. Without a state better than the start, as with max_iterations 0, the
  * result files are left out: the undraped start is never a result. Thread-safe (the SVG plot takes a lock).

@@ -105,10 +105,15 @@ static void run_call(void *data)
     call->next(call);
 }
 
-void call_pass(struct call *call, struct executor *executor, call_fn *next)
+bool call_try_pass(struct call *call, struct executor *executor, call_fn *next)
 {
     call->next = next;
-    if (executor_submit(executor, run_call, call) != 0)
+    return executor_submit(executor, run_call, call) == 0;
+}
+
+void call_pass(struct call *call, struct executor *executor, call_fn *next)
+{
+    if (!call_try_pass(call, executor, next))
         call_refuse(call, PROBLEM_BUSY, "Too many requests are being worked on.");
 }
 

@@ -626,24 +626,30 @@ void store_results_drop(struct store *store, const char *id, uint32_t attempt)
         store_fail_file(store, "drop a result folder", NULL);
 }
 
-int store_result_open(struct store *store, const char *id, uint32_t attempt, const char *file, int *ret_fd,
-                      uint64_t *ret_bytes, struct problem *reterr)
+int store_open_file(struct store *store, int dirfd, const char *path, const char *what, int *ret_fd,
+                    uint64_t *ret_bytes, struct problem *reterr)
 {
-    char folder[NAME_SIZE], path[NAME_SIZE + 32];
     struct stat st;
-    results_name(id, attempt, "", folder);
-    snprintf(path, sizeof path, "%s/%s", folder, file);
-    int fd = openat(store->results, path, O_RDONLY | O_CLOEXEC);
+    int fd = openat(dirfd, path, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
-        return errno == ENOENT ? STORE_NONE : store_fail_file(store, "open the result", reterr);
+        return errno == ENOENT ? STORE_NONE : store_fail_file(store, what, reterr);
     if (fstat(fd, &st) != 0) {
-        int failed = store_fail_file(store, "open the result", reterr);
+        int failed = store_fail_file(store, what, reterr);
         close(fd);
         return failed;
     }
     *ret_fd = fd;
     *ret_bytes = (uint64_t)st.st_size;
     return 0;
+}
+
+int store_result_open(struct store *store, const char *id, uint32_t attempt, const char *file, int *ret_fd,
+                      uint64_t *ret_bytes, struct problem *reterr)
+{
+    char folder[NAME_SIZE], path[NAME_SIZE + 32];
+    results_name(id, attempt, "", folder);
+    snprintf(path, sizeof path, "%s/%s", folder, file);
+    return store_open_file(store, store->results, path, "open the result", ret_fd, ret_bytes, reterr);
 }
 
 /* ---- starts ------------------------------------------------------------------------------------- */

@@ -183,12 +183,20 @@ int store_mesh_open(struct store *store, const char *owner, const char *sha256, 
 
 /* Of all meshes of the owner together. */
 int store_mesh_bytes(struct store *store, const char *owner, uint64_t *ret, struct problem *reterr);
+
 /* Puts off the mesh's pruning, now and then: at most one write an hour. */
 int store_mesh_touch(struct store *store, const char *owner, const char *sha256, int64_t now_ms,
                      struct problem *reterr);
 
 /* STORE_IN_USE: a job that has not ended needs it. Jobs that have ended do not hold it. */
 int store_mesh_remove(struct store *store, const char *owner, const char *sha256, struct problem *reterr);
+
+/* A mesh's bytes once more in a content coding ("gz"), made when somebody first asks and forgotten at the
+ * next start; 0 bytes where that is not worth it. STORE_NONE: not made yet. The caller closes *ret_fd. */
+int store_mesh_coded_open(struct store *store, const char *sha256, const char *coding, int *ret_fd,
+                          uint64_t *ret_bytes, struct problem *reterr);
+int store_mesh_coded_add(struct store *store, const char *sha256, const char *coding, const void *data,
+                         size_t bytes, struct problem *reterr);
 
 /* ---- pruning ------------------------------------------------------------------------------------- */
 

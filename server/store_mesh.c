@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "encoding.h"
 #include "files.h"
 #include "id.h"
 
@@ -124,6 +125,13 @@ int store_mesh_remove(struct store *store, const char *owner, const char *sha256
     return result;
 }
 
+#define CODED_NAME_SIZE (SHA256_SIZE + 8)
+
+static void coded_name(const char *sha256, const char *coding, char ret[CODED_NAME_SIZE])
+{
+    snprintf(ret, CODED_NAME_SIZE, "%s.%s", sha256, coding);
+}
+
 /* Under the lock. */
 static bool wanted(struct store *store, const char *name)
 {
@@ -143,10 +151,34 @@ bool store_mesh_wanted(struct store *store, const char *name)
 
 void store_mesh_file_remove(struct store *store, const char *sha256)
 {
+    char name[CODED_NAME_SIZE];
     db_lock(store->db);
-    if (!wanted(store, sha256))
+    if (!wanted(store, sha256)) {
         files_remove(store->meshes, sha256);
+        for (int coding = CODING_IDENTITY + 1; coding < CODINGS; coding++) {
+            coded_name(sha256, coding_suffix((enum coding)coding), name);
+            files_remove(store->meshes, name);
+        }
+    }
     db_unlock(store->db);
+}
+
+int store_mesh_coded_open(struct store *store, const char *sha256, const char *coding, int *ret_fd,
+                          uint64_t *ret_bytes, struct problem *reterr)
+{
+    char name[CODED_NAME_SIZE];
+    coded_name(sha256, coding, name);
+    return store_open_file(store, store->meshes, name, "open the mesh", ret_fd, ret_bytes, reterr);
+}
+
+int store_mesh_coded_add(struct store *store, const char *sha256, const char *coding, const void *data,
+                         size_t bytes, struct problem *reterr)
+{
+    char name[CODED_NAME_SIZE];
+    coded_name(sha256, coding, name);
+    if (files_write_durably(store->meshes, name, data, bytes) != 0)
+        return store_fail_file(store, "keep the coded mesh", reterr);
+    return 0;
 }
 
 int store_mesh_bytes(struct store *store, const char *owner, uint64_t *ret, struct problem *reterr)

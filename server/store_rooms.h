@@ -15,6 +15,10 @@ struct store {
 /* Logs and counts errno; -1 with *reterr. */
 int store_fail_file(struct store *store, const char *what, struct problem *reterr);
 
+/* Opens a file for reading; 0, STORE_NONE when it is not there, or -1 with *reterr. */
+int store_open_file(struct store *store, int dirfd, const char *path, const char *what, int *ret_fd,
+                    uint64_t *ret_bytes, struct problem *reterr);
+
 /* Within a transaction: the row of an ended job becomes a tombstone. 0, STORE_NONE or -1. Its files go
  * afterwards: should that fail, they are orphans and go at the next start. */
 int store_row_remove(struct db *db, const char *owner, const char *id, int64_t now_ms);

@@ -33,6 +33,7 @@ systemd               the units: systemd-analyze, systemd-socket-activate
 lintian               the Debian package
 libfaketime           the tests: a clock that jumps
 util-linux            the tests: prlimit, mount
+zstd                  the API tests: bodies and answers in zstd
 valgrind              the counts: instructions by function (callgrind)
 clang                 the fuzzers: libFuzzer
 libclang-rt-14-dev    the fuzzers: the sanitizer runtimes of clang

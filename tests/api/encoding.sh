@@ -12,18 +12,7 @@ post() {
 }
 square 4 >"$work/job"
 gzip -c "$work/job" >"$work/job.gz"
-# zstd of a few bytes without the program: a frame of one raw block, without a checksum.
-raw_zstd() {
-    local n
-    n=$(stat -c %s "$1")
-    # magic; a frame with a content size of 4 bytes; the size; a last raw block of so many bytes
-    printf '\x28\xb5\x2f\xfd\xa0'
-    printf "\\x$(printf %02x $((n & 255)))\\x$(printf %02x $((n >> 8 & 255)))\\x$(printf %02x $((n >> 16 & 255)))\\x00"
-    local header=$(((n << 3) | 1))
-    printf "\\x$(printf %02x $((header & 255)))\\x$(printf %02x $((header >> 8 & 255)))\\x$(printf %02x $((header >> 16 & 255)))"
-    cat "$1"
-}
-raw_zstd "$work/job" >"$work/job.zst"
+zstd -qc "$work/job" >"$work/job.zst"
 
 # ---- bodies
 post 'a gzipped job' 202 '' gzip "$work/job.gz"
@@ -72,7 +61,7 @@ gzip -c "$work/mesh" >"$work/mesh.gz"
 request PUT "/v1/meshes/$sha" -H 'Content-Type: model/obj' -H 'Content-Encoding: gzip' --data-binary "@$work/mesh.gz"
 is 'a gzipped mesh by its digest' "$code" 201
 json 'has the bytes it decodes to' ".bytes == $(stat -c %s "$work/mesh")"
-raw_zstd "$work/mesh" >"$work/mesh.zst"
+zstd -qc "$work/mesh" >"$work/mesh.zst"
 request POST /v1/meshes -H 'Content-Type: model/obj' -H 'Content-Encoding: zstd' --data-binary "@$work/mesh.zst"
 is 'the same in zstd is known' "$code" 200
 is 'under the same name' "$(header location)" "/v1/meshes/$sha"
@@ -81,6 +70,67 @@ request PUT "/v1/meshes/$(sha256sum "$work/mesh.gz" | cut -d' ' -f1)" -H 'Conten
 problem 'the digest of the gzipped bytes is another' 400 digest-mismatch
 request POST /v1/meshes -H 'Content-Type: model/obj' -H 'Content-Encoding: br' --data-binary "@$work/mesh.gz"
 problem 'a mesh in another encoding' 415 unsupported-encoding
+
+# ---- answers
+decode() { case $1 in gzip) gzip -dc ;; zstd) zstd -dqc ;; *) cat ;; esac; }
+# representations NAME PATH [CURL-ARGUMENT...]: each coding decodes to the plain bytes, has an ETag of its own,
+# and is not sent again to who has it; HEAD says the same.
+plain=$work/plain
+representations() {
+    local name=$1 path=$2 coding etag etags='' length
+    shift 2
+    request GET "$path" "$@"
+    cp "$body" "$plain"
+    is "$name, as it is" "$code $(header content-encoding)" '200 '
+    for coding in identity gzip zstd; do
+        request GET "$path" -H "Accept-Encoding: $coding" "$@"
+        is "$name in $coding" "$code $(header content-encoding)" "200 ${coding/identity/}"
+        check "$name in $coding is the same" cmp "$plain" <(decode $coding <"$body")
+        is "$name in $coding varies" "$(header vary)" 'Accept, Accept-Encoding'
+        etag=$(header etag)
+        etags+="$etag "
+        length=$(stat -c %s "$body")
+        [[ $coding == identity ]] || check "$name in $coding is smaller" test "$length" -lt "$(stat -c %s "$plain")"
+        request HEAD "$path" -H "Accept-Encoding: $coding" "$@"
+        is "HEAD of $name in $coding" "$code $(header etag) $(header content-length)" "200 $etag $length"
+        : >"$body"
+        request GET "$path" -H "Accept-Encoding: $coding" -H "If-None-Match: \"x\", $etag" "$@"
+        is "$name in $coding is not sent again" "$code $(header etag) $(stat -c %s "$body")" "304 $etag 0"
+    done
+    is "$name has three ETags" "$(tr ' ' '\n' <<<"$etags" | grep -c '^".*"$') $(tr ' ' '\n' <<<"$etags" | sort -u | grep -c '"')" '3 3'
+    request GET "$path" -H 'Accept-Encoding: gzip' -H "If-None-Match: ${etags%% *}" "$@"
+    is "$name has another ETag when coded" "$code" 200
+    request GET "$path" -H 'If-None-Match: *' "$@"; is "$name for a star" "$code" 304
+}
+square 12 >"$work/job"
+submit "$work/job"
+check 'a job succeeds' wait_for "$id" succeeded
+for format in json obj ply glb; do representations "the result as $format" "/v1/jobs/$id/result?format=$format"; done
+for format in csv json svg; do representations "the trace as $format" "/v1/jobs/$id/trace?format=$format"; done
+representations 'the contract' /openapi.json
+representations 'the materials' /v1/materials
+request GET /openapi.json -H 'Accept-Encoding: identity;q=0, br'
+problem 'without any coding that is there' 406 not-acceptable
+request GET / -H 'Accept-Encoding: gzip'
+is 'a page that fits into a packet comes as it is' "$code $(header content-encoding)" '200 '
+request GET / -H "If-None-Match: $(header etag)"; is 'and not again' "$code" 304
+request GET "/v1/jobs/$id" -H 'Accept-Encoding: gzip'
+is 'a job comes as it is' "$code $(header content-encoding)" '200 '
+request GET /v1/nothing -H 'Accept-Encoding: gzip'
+is 'and so does a problem' "$code $(header content-encoding)" '404 '
+request GET "/v1/jobs/$id/events" -H 'Accept-Encoding: gzip'
+is 'and so do events' "$code $(header content-encoding)" '200 '
+
+awk 'BEGIN {for (i = 0; i < 300; i++) print "v", i / 10, i % 7, i % 3; for (i = 1; i < 299; i++) print "f", i, i + 1, i + 2}' >"$work/mesh"
+sha=$(sha256sum "$work/mesh" | cut -d' ' -f1)
+request POST /v1/meshes -H 'Content-Type: model/obj' --data-binary "@$work/mesh"
+is 'a mesh is kept' "$code" 201
+representations 'the mesh' "/v1/meshes/$sha"
+is 'the codings asked for are kept beside it' "$(cd "$data/meshes" && ls "$sha".* | tr '\n' ' ')" "$sha.gz $sha.zst "
+kill_daemon
+start_daemon --workers 1
+is 'until the next start' "$(cd "$data/meshes" && ls "$sha"*)" "$sha"
+representations 'the mesh, made again,' "/v1/meshes/$sha"
 
 stop_daemon; is 'it stops with status 0' "$status" 0
 finish

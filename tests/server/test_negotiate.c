@@ -34,6 +34,63 @@ static void test_negotiate__accept_may_fit_nothing(void **state)
     assert_int_equal(accept("model"), -1);
     assert_int_equal(accept(""), -1);
     assert_int_equal(accept(",,;q=,"), -1);
+    assert_int_equal(accept("model/obj;q=x"), -1);
+}
+
+#define BIT(coding) (1u << (coding))
+#define ALL         (BIT(CODING_IDENTITY) | BIT(CODING_GZIP) | BIT(CODING_ZSTD))
+
+static void test_negotiate__codings_are_weighed(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *header;
+        int coding;
+    } row[] = {
+        {NULL, CODING_IDENTITY},
+        {"", CODING_IDENTITY},
+        {"gzip", CODING_GZIP},
+        {"x-gzip", CODING_GZIP},
+        {"GZIP;Q=1.000", CODING_GZIP},
+        {"gzip, deflate, br, zstd", CODING_ZSTD},
+        {"gzip;q=1.0, zstd;q=0.9", CODING_GZIP},
+        {"gzip;q=0.001, zstd;q=0.002", CODING_ZSTD},
+        {"br", CODING_IDENTITY},
+        {"gzip;q=0", CODING_IDENTITY},
+        {"*", CODING_ZSTD},
+        {"*;q=0.1", CODING_ZSTD},
+        {"zstd;q=0, *", CODING_GZIP},
+        {"identity", CODING_IDENTITY},
+        {"identity;q=0.5, gzip;q=0.4", CODING_IDENTITY},
+        {"identity;q=0.5, *;q=0.6", CODING_ZSTD},
+        {"identity;q=0, gzip", CODING_GZIP},
+        {"identity;q=0, *", CODING_ZSTD},
+        {"*;q=0, gzip;q=0.3", CODING_GZIP},
+        {"*;q=0, identity;q=0.3", CODING_IDENTITY},
+        {"gzip;q=2", CODING_IDENTITY},
+        {"gzip;q=0.1234", CODING_IDENTITY},
+        {"gzip;q=.5", CODING_IDENTITY},
+        {"gzip;q=nan", CODING_IDENTITY},
+        {"gzip;q=", CODING_IDENTITY},
+        {"gzip;q=1.001", CODING_IDENTITY},
+        {",, ;q=1,gzip", CODING_GZIP},
+        {"identity;q=0", -1},
+        {"*;q=0", -1},
+        {"identity;q=0, gzip;q=0, zstd;q=0", -1},
+        {"identity;q=0, br", -1},
+    };
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++)
+        if (negotiate_coding(row[i].header, ALL) != row[i].coding)
+            fail_msg("%s gives %d", row[i].header, negotiate_coding(row[i].header, ALL));
+}
+
+static void test_negotiate__only_codings_on_offer_are_given(void **state)
+{
+    (void)state;
+    assert_int_equal(negotiate_coding("zstd, gzip;q=0.5", BIT(CODING_IDENTITY) | BIT(CODING_GZIP)),
+                     CODING_GZIP);
+    assert_int_equal(negotiate_coding("zstd, gzip", BIT(CODING_IDENTITY)), CODING_IDENTITY);
+    assert_int_equal(negotiate_coding("zstd, identity;q=0", BIT(CODING_IDENTITY)), -1);
 }
 
 static void test_negotiate__if_none_match_compares_weakly(void **state)
@@ -88,6 +145,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_negotiate__accept_prefers_the_exact_and_the_weightier),
         cmocka_unit_test(test_negotiate__accept_may_fit_nothing),
+        cmocka_unit_test(test_negotiate__codings_are_weighed),
+        cmocka_unit_test(test_negotiate__only_codings_on_offer_are_given),
         cmocka_unit_test(test_negotiate__if_none_match_compares_weakly),
         cmocka_unit_test(test_negotiate__prefer_wait_is_read_and_capped),
         cmocka_unit_test(test_negotiate__other_preferences_are_ignored),

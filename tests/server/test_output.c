@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "encoding.h"
 #include "output.h"
 
 /* Two triangles sewn along an edge and folded there by a right angle: one half lies flat, facing up,
@@ -84,12 +85,19 @@ static int write_all(struct fixture *f, struct problem *reterr)
     return output_write(f->dirfd, f->spec, &f->report, f->spec->scene.positions, NULL, f->row, 3, reterr);
 }
 
+static bool is_coded(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return dot && (strcmp(dot, ".gz") == 0 || strcmp(dot, ".zst") == 0);
+}
+
+/* Without those in content codings. */
 static size_t count_files(const struct fixture *f)
 {
     size_t n = 0;
     DIR *dir = opendir(f->dir);
     for (struct dirent *entry; (entry = readdir(dir));)
-        n += entry->d_name[0] != '.';
+        n += entry->d_name[0] != '.' && !is_coded(entry->d_name);
     closedir(dir);
     return n;
 }
@@ -136,6 +144,46 @@ static void test_output__all_eight_files_are_written(void **state)
     assert_int_equal(count_files(*state), 8);
     assert_int_equal(write_all(*state, &problem), 0); /* again, over the first */
     assert_int_equal(count_files(*state), 8);
+}
+
+static int append(const void *data, size_t bytes, void *sink_data)
+{
+    return fwrite(data, 1, bytes, sink_data) == bytes ? 0 : -1;
+}
+
+/* Decodes `name` in a coding and compares; whether it was there. */
+static bool check_coded(const struct fixture *f, const char *name, enum coding coding)
+{
+    char path[64], *plain, *coded, *decoded = NULL;
+    size_t plain_bytes, coded_bytes, decoded_bytes;
+    const char *why;
+    snprintf(path, sizeof path, "%s.%s", name, coding_suffix(coding));
+    if ((coded = read_file(f, path, &coded_bytes)) == NULL)
+        return false;
+    plain = read_file(f, name, &plain_bytes);
+    FILE *out = open_memstream(&decoded, &decoded_bytes);
+    assert_int_equal(encoding_decode(coding, coded, coded_bytes, plain_bytes, append, out, &why),
+                     DECODING_OK);
+    fclose(out);
+    assert_int_equal(decoded_bytes, plain_bytes);
+    assert_memory_equal(decoded, plain, plain_bytes);
+    assert_true(plain_bytes >= CODED_LEAST && coded_bytes <= plain_bytes * 9 / 10);
+    free(coded);
+    free(plain);
+    free(decoded);
+    return true;
+}
+
+static void test_output__what_is_worth_it_is_there_in_each_coding(void **state)
+{
+    struct fixture *f = *state;
+    struct problem problem;
+    assert_int_equal(write_all(f, &problem), 0);
+    for (int c = CODING_IDENTITY + 1; c < CODINGS; c++) {
+        assert_true(check_coded(f, OUTPUT_TRACE_SVG, (enum coding)c));
+        assert_false(check_coded(f, OUTPUT_RESULT_JSON, (enum coding)c)); /* six vertices are few */
+        assert_false(check_coded(f, OUTPUT_POSITIONS, (enum coding)c));   /* nobody fetches them */
+    }
 }
 
 /* What another job starts from must be the drape to the last bit. */
@@ -452,6 +500,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_output__drape_is_kept_when_plplot_fails), /* first: see there */
         TEST(test_output__all_eight_files_are_written),
+        TEST(test_output__what_is_worth_it_is_there_in_each_coding),
         TEST(test_output__positions_lose_no_digit),
         TEST(test_output__result_json_has_the_members_of_the_contract),
         TEST(test_output__normals_are_weighted_by_area_and_smooth_across_seams),
