@@ -547,6 +547,41 @@ void dr_matrix_lower_by_round_off(struct dr_matrix *A)
         value[first[i]] -= c;
 }
 
+/* q_j += D p_j for a diagonal block D. */
+static void multiply_diagonal(const double *column[3], const double *p, double *q)
+{
+    for (int r = 0; r < 3; r++) {
+        q[r] += column[r][0] * p[r];
+        for (int c = 0; c < r; c++) {
+            q[r] += column[c][r - c] * p[c];
+            q[c] += column[c][r - c] * p[r];
+        }
+    }
+}
+
+void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q)
+{
+    memset(q, 0, 3 * A->mesh->nodes * sizeof *q);
+    for (size_t j = 0; j < A->free; j++) {
+        const int *start = (const int *)A->A->p + 3 * j;
+        const double *value = A->A->x, *pj = p + 3 * (size_t)A->node[j];
+        const double *column[3] = {value + start[0], value + start[1], value + start[2]};
+        double *qj = q + 3 * (size_t)A->node[j];
+        multiply_diagonal(column, pj, qj);
+        for (int c = 0; c < 3; c++)
+            column[c] += 3 - c;
+        for (size_t k = A->block_start[j] + 1; k < A->block_start[j + 1]; k++) {
+            size_t at = 3 * (size_t)A->node[A->block_row[k]];
+            for (int c = 0; c < 3; c++)
+                for (size_t r = 0; r < 3; r++) {
+                    double entry = *column[c]++;
+                    q[at + r] += entry * pj[c];
+                    qj[c] += entry * p[at + r];
+                }
+        }
+    }
+}
+
 /* ---- solving ------------------------------------------------------------------------------------ */
 
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)

@@ -73,6 +73,9 @@ void dr_matrix_lower_by_round_off(struct dr_matrix *A);
  * definite (DR_CHOLESKY) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);
 
+/* q = A p, as it is assembled. Both 3*nodes; held nodes are ignored in p and zero in q. */
+void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q);
+
 /* Solves A w_k = b_k for `count` (1 or 2) right-hand sides with the last factor, which must have
  * succeeded (DR_LDL: one side, and false when memory ran out); b and w are 3*nodes per side, held nodes are
  * ignored in b and zero in w. */

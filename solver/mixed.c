@@ -15,11 +15,18 @@
  *  3. A step is judged by the decrease of energy without the known second-order stretch Q of the step, so
  *     that the energy may peak on the way and the following steps remove it.
  *
- * With bodies a fourth: the step looks at the gaps that it closes or opens (gap.h) by Newton's method on the
- * model, conjugate gradients with the same factor; steps are scaled down as a whole to what the model holds,
- * and friction's anchors are renewed at every other state. Without that new contacts come as a surprise,
- * steps are refused and h collapses. Gaps between parts of the cloth are seen alike, and the step is also
- * scaled down to what takes no part through another (sweep.h).
+ * With bodies two more:
+ *
+ *  4. The step looks at the gaps that it closes or opens (gap.h) by Newton's method on the model, conjugate
+ *     gradients with the same factor; steps are scaled down as a whole to what the model holds, and
+ * friction's anchors are renewed at every other state. Without that new contacts come as a surprise, steps
+ * are refused and h collapses. Gaps between parts of the cloth are seen alike, and the step is also scaled
+ * down to what takes no part through another (sweep.h).
+ *  5. The false stretch Q that a step makes is taken out at once where it matters, by one or two Newton steps
+ *     from where it led: conjugate gradients on the Hessian there, whose preconditioner is the factor at
+ * hand, turned with the cloth (turn.h). Else every other iteration does nothing but that. This is the
+ * second-order correction of constrained optimisation (Nocedal and Wright, Numerical optimization, 2006,
+ * section 18.3); after it the energy itself may tell that the step was good.
  *
  * A watchdog goes back to the best state when nothing has improved for long; the third time stop-and-go
  * takes over. Constants: found on 22 scenes (squares, skirts, arcs, folds, noise; 10 to 10 000 N/m) at first
@@ -28,6 +35,7 @@
 #include <string.h>
 
 #include "state.h"
+#include "turn.h"
 
 #define FIRST_H_MIN   0.005 /* s: the job's time step, held to this range, is the first h */
 #define FIRST_H_MAX   0.05
@@ -42,7 +50,8 @@
 #define CG_PRECISION  0.1  /* of the preconditioned residual, relative */
 #define FLAT          1e-3 /* curvature along a direction, relative to that of H+, that counts as negative */
 #define FIRST_LIMIT   0.05 /* strain at which a corrected step is cut: the threads turn by 0.3 rad */
-#define WORTH         100  /* false stretch over predicted decrease: the next step leaves about 1/100 of it */
+#define WORTH         100 /* false stretch over predicted decrease: the next step leaves about 1/100 of it; */
+#define WORTH_BODIES  10  /* with bodies the corrections, which are cheaper, leave about a tenth */
 #define LIMIT_MIN     1e-5
 #define LIMIT_MAX     0.1
 #define LIMIT_FIT     0.5 /* fit of a cut step from which the limit grows */
@@ -59,10 +68,32 @@
 #define MOST_STRAIN   0.5  /* likewise */
 #define MOST_TRUE     0.05 /* likewise, of a step with the true Hessian */
 #define MOST_HALVINGS 20   /* of a step that the model says climbs */
+#define MOST_TURN     0.6  /* rad: of a corrected step, while its gaps are looked at */
+
+/* Of the second-order correction */
+#define FALSE_PART  0.02 /* of false stretch in what was gained, up to which there is nothing to correct */
+#define MOST_PASSES 2
+#define MOST_STALE  30   /* conjugate gradient steps of a pass */
+#define STALE_GAIN  0.01 /* of a step, relative to those before it, below which it is the last */
+#define ROUND_GAIN  0.1  /* likewise of a round of looking at the gaps */
+#define MOST_TRIES  3    /* whole, halved, halved again */
 
 /* The method's own arrays: residual of the quadratic model, direction p, A+ p, what the projection dropped,
- * times p; with bodies also the residual of the model with its gaps, and the gaps' share of its product. */
-enum { RESIDUAL, DIRECTION, KEPT, DROPPED, ARRAYS, TOUCHING = ARRAYS, GAPPED, ARRAYS_WITH_BODIES };
+ * times p; with bodies also the residual of the model with its gaps, the gaps' share of its product, where
+ * the step began and the force there, how the cloth has turned since. */
+enum {
+    RESIDUAL,
+    DIRECTION,
+    KEPT,
+    DROPPED,
+    ARRAYS,
+    TOUCHING = ARRAYS,
+    GAPPED,
+    START,
+    START_FORCE,
+    TURN,
+    ARRAYS_WITH_BODIES
+};
 
 static double first_h(const struct dr_state *s)
 {
@@ -146,12 +177,13 @@ static double worthwhile(struct dr_state *s, double most, double least, double s
 {
     size_t count = 3 * s->cloth->mesh->nodes;
     double *end = s->x_next, strain; /* free until the move */
+    double worth = s->gaps ? WORTH_BODIES : WORTH;
     double so_far = 0.5 * (dr_state_dot(s, s->f, s->w) + dr_state_dot(s, s->extra[RESIDUAL], s->w));
     for (; most > least; most /= 2) {
         for (size_t i = 0; i < count; i++)
             end[i] = s->w[i] + most * s->extra[DIRECTION][i];
         double decrease = so_far + most * (slope - 0.5 * most * curved);
-        if (dr_cloth_second_order(s->cloth, s->x, end, &strain) <= WORTH * decrease)
+        if (dr_cloth_second_order(s->cloth, s->x, end, &strain) <= worth * decrease)
             return most;
     }
     return least;
@@ -211,7 +243,8 @@ static void look_at_gaps(struct dr_state *s)
         r[i] = mesh->held[i / 3] ? 0 : s->extra[RESIDUAL][i] - surplus[i];
 }
 
-/* One step of conjugate gradients along DIRECTION on A + X''(w); false: no curvature that way. */
+/* One step of conjugate gradients along DIRECTION on A + X''(w); false: there is no curvature that way, or it
+ * goes as far as a corrected step may turn the cloth. */
 static bool go_touching(struct dr_state *s, double rz)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
@@ -226,7 +259,12 @@ static bool go_touching(struct dr_state *s, double rz)
     curved += dr_state_dot(s, p, gapped);
     if (!(curved > FLAT * along))
         return false;
-    double length = rz / curved;
+    double length = rz / curved, most = INFINITY;
+    if (s->corrected)
+        most = fmax(0, (MOST_TURN - turn(s, s->w)) / turn(s, p));
+    bool cut = length > most;
+    if (cut)
+        length = most;
     for (size_t i = 0; i < 3 * mesh->nodes; i++) {
         if (mesh->held[i / 3])
             continue;
@@ -234,7 +272,7 @@ static bool go_touching(struct dr_state *s, double rz)
         s->extra[RESIDUAL][i] -= length * (kept[i] + dropped[i]);
         s->extra[TOUCHING][i] -= length * (kept[i] + dropped[i] + gapped[i]);
     }
-    return true;
+    return !cut;
 }
 
 /* From TOUCHING and what the factor makes of it, DIRECTION, whose product with the residual is rz. */
@@ -262,7 +300,7 @@ static drape_status touch(struct dr_state *s, drape_error *reterr)
     size_t count = 3 * s->cloth->mesh->nodes;
     if (!s->corrected)
         memset(s->extra[RESIDUAL], 0, count * sizeof(double));
-    drape_status status = dr_gaps_take(s->gaps, s->x, reterr);
+    drape_status status = dr_gaps_take(s->gaps, s->x, false, reterr);
     if (status < 0)
         return status;
     for (int round = 0; round < MOST_ROUNDS; round++) {
@@ -311,17 +349,18 @@ static void scale_step(struct dr_state *s, double scale)
     look_at_gaps(s);
 }
 
-/* Scales a step down that is too long for the model to hold. */
-static void shorten(struct dr_state *s)
+/* Scales a step down that is too long for the model to hold, beyond `limit` of second-order strain. False: it
+ * was not, but may have been for the cloth. */
+static bool shorten(struct dr_state *s, double limit)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
-    double longest = 0, limit = s->whole || s->corrected ? MOST_TRUE : MOST_STRAIN, strain;
+    double longest = 0, strain;
     for (size_t i = 0; i < count; i += 3)
         longest =
             fmax(longest, sqrt(s->w[i] * s->w[i] + s->w[i + 1] * s->w[i + 1] + s->w[i + 2] * s->w[i + 2]));
     dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
     double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest));
-    s->shortened = scale < 1;
+    bool shortened = scale < 1;
     if (s->cloth->self) {
         for (size_t i = 0; i < count; i++)
             s->x_next[i] = scale * s->w[i]; /* free until the move */
@@ -331,9 +370,152 @@ static void shorten(struct dr_state *s)
         scale_step(s, scale);
     /* Newton's method on the gaps may have ended early, above where it began. */
     for (int i = 0; i < MOST_HALVINGS && predict(s) < -noise_of(s); i++) {
-        s->shortened = true;
+        shortened = true;
         scale_step(s, 0.5);
     }
+    return shortened;
+}
+
+/* ---- second-order correction ---------------------------------------------------------------------- */
+
+/* z = R A^-1 R' r with the last factor, of the matrix at START. */
+static drape_status solve_turned(struct dr_state *s, const double *r, double *z, drape_error *reterr)
+{
+    size_t nodes = s->cloth->mesh->nodes;
+    double *b = s->extra[DROPPED];
+    dr_turn_apply(nodes, s->extra[TURN], true, r, b);
+    drape_status status = dr_state_solve(s, 1, (const double *[]){b}, (double *[]){z}, reterr);
+    dr_turn_apply(nodes, s->extra[TURN], false, z, z);
+    s->solves++;
+    return status;
+}
+
+/* RESIDUAL = f - Aw and TOUCHING with it. */
+static void find_residual(struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    double *r = s->extra[RESIDUAL];
+    dr_matrix_multiply(s->cloth->A, s->w, r);
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i];
+    look_at_gaps(s);
+}
+
+/* KEPT = (A + X''(w)) p for DIRECTION p; returns p.KEPT. */
+static double multiply(struct dr_state *s)
+{
+    double *kept = s->extra[KEPT], *p = s->extra[DIRECTION];
+    dr_matrix_multiply(s->cloth->A, p, kept);
+    dr_gaps_add_product(s->gaps, p, kept);
+    return dr_state_dot(s, p, kept);
+}
+
+/* Conjugate gradients on A + X''(w), at most *most steps, which are counted down; *gained (J, by the model)
+ * goes up. */
+static drape_status round_of_stale(struct dr_state *s, unsigned *most, double *gained, drape_error *reterr)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    size_t count = 3 * mesh->nodes;
+    double *r = s->extra[TOUCHING], *p = s->extra[DIRECTION], *kept = s->extra[KEPT], *z = s->x_next;
+    double last = INFINITY; /* the first direction is the residual's alone */
+    for (double gain = INFINITY; *most && gain > STALE_GAIN * *gained; --*most) {
+        drape_status status = solve_turned(s, r, z, reterr);
+        if (status < 0)
+            return status;
+        double rz = dr_state_dot(s, r, z), beta = rz / last;
+        for (size_t i = 0; i < count; i++)
+            p[i] = z[i] + beta * p[i];
+        double curved = multiply(s), length = rz / curved;
+        if (!(curved > 0))
+            return DRAPE_OK;
+        for (size_t i = 0; i < count; i++) {
+            if (mesh->held[i / 3])
+                continue;
+            s->w[i] += length * p[i];
+            r[i] -= length * kept[i];
+        }
+        gain = 0.5 * length * rz;
+        *gained += gain;
+        last = rz;
+    }
+    return DRAPE_OK;
+}
+
+/* The step w from x by Newton's method on the model there with its gaps; no factor of its matrix. */
+static drape_status find_correction(struct dr_state *s, drape_error *reterr)
+{
+    double began = dr_clock(), gained = 0, before = -INFINITY;
+    unsigned most = MOST_STALE;
+    dr_turn_take(s->cloth->mesh, s->extra[START], s->x, s->extra[GAPPED], s->extra[TURN]);
+    dr_cloth_assemble_apart(s->cloth, s->x);
+    s->sim->stage[DR_STAGE_ASSEMBLE] += dr_clock() - began;
+    drape_status status = dr_gaps_take(s->gaps, s->x, true, reterr);
+    memset(s->w, 0, 3 * s->cloth->mesh->nodes * sizeof *s->w);
+    for (int round = 0; round < MOST_ROUNDS && status >= 0; round++) {
+        find_residual(s);
+        if (!most || gained - before < ROUND_GAIN * gained)
+            break;
+        before = gained;
+        status = round_of_stale(s, &most, &gained, reterr);
+    }
+    if (status >= 0)
+        find_residual(s);
+    return status;
+}
+
+/* x and w such that the whole step is allowed and stops at the bodies. */
+static void clip(struct dr_state *s)
+{
+    if (s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH) &&
+        s->cloth->self)
+        dr_self_clip(s->cloth->self, s->x, s->w);
+}
+
+/* x_next = x + w, with *ret_there and f_next there; returns the potential energy. */
+static double look_ahead(struct dr_state *s, drape_energies *ret_there)
+{
+    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++)
+        s->x_next[i] = s->x[i] + s->w[i];
+    return dr_cloth_energy(s->cloth, s->x_next, ret_there, s->f_next);
+}
+
+/* One pass of the correction. *ret_more: the energy fell, and another one is worth it. */
+static drape_status pass(struct dr_state *s, bool *ret_more, drape_error *reterr)
+{
+    size_t count = 3 * s->cloth->mesh->nodes;
+    double here = s->row.energy.potential, strain;
+    drape_energies there = s->row.energy;
+    *ret_more = false;
+    drape_status status = find_correction(s, reterr);
+    if (status < 0)
+        return status;
+    shorten(s, MOST_STRAIN);
+    clip(s);
+    for (int tries = 0; tries < MOST_TRIES; tries++) {
+        double drop = here - look_ahead(s, &there);
+        if (drop > 0 && isfinite(drop)) {
+            double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
+            *ret_more = false_stretch > FALSE_PART * drop;
+            s->strain = strain;
+            dr_state_arrive(s, &there);
+            return DRAPE_OK;
+        }
+        for (size_t i = 0; i < count; i++)
+            s->w[i] /= 2;
+    }
+    return DRAPE_OK;
+}
+
+/* Takes out the false stretch that the step from START has made (Maratos' effect): a Newton step from where
+ * it led, by conjugate gradients on the semi-definite Hessian there with the factor that is at hand, turned
+ * with the cloth (turn.h). */
+static drape_status take_out_false_stretch(struct dr_state *s, drape_error *reterr)
+{
+    bool more = true;
+    drape_status status = DRAPE_OK;
+    for (int i = 0; i < MOST_PASSES && more && status >= 0; i++)
+        status = pass(s, &more, reterr);
+    return status;
 }
 
 /* ---- the method ---------------------------------------------------------------------------------- */
@@ -365,7 +547,7 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
     if (status < 0)
         return status;
     if (s->gaps)
-        shorten(s);
+        s->shortened = shorten(s, s->whole || s->corrected ? MOST_TRUE : MOST_STRAIN);
     s->predicted = predict(s);
     if (s->cautious)
         s->cautious--;
@@ -430,32 +612,63 @@ static bool adapt(struct dr_state *s)
     return !rejected;
 }
 
+/* Seconds of this run in stages that have their own account. */
+static double accounted(const struct dr_state *s)
+{
+    return s->sim->stage[DR_STAGE_ASSEMBLE] + s->sim->stage[DR_STAGE_SOLVE];
+}
+
+/* Takes the step that leads to x_next, or not. */
+static drape_status settle(struct dr_state *s, const drape_energies *there, drape_error *reterr)
+{
+    if (!adapt(s))
+        return DRAPE_OK;
+    if (!isfinite(there->potential))
+        return bite(s, reterr);
+    dr_state_arrive(s, there);
+    return DRAPE_OK;
+}
+
+/* The same with the second-order correction, after which the energy itself may tell that the step was good.
+ */
+static drape_status settle_corrected(struct dr_state *s, const drape_energies *there, drape_error *reterr)
+{
+    size_t size = 3 * s->cloth->mesh->nodes * sizeof *s->x;
+    drape_energies here = s->row.energy;
+    double predicted = s->predicted, strain = s->strain;
+    memcpy(s->extra[START], s->x, size);
+    memcpy(s->extra[START_FORCE], s->f, size);
+    dr_state_arrive(s, there);
+    drape_status status = take_out_false_stretch(s, reterr);
+    if (predicted > 0)
+        s->ratio = fmax(s->ratio, (here.potential - s->row.energy.potential) / predicted);
+    if (status < 0 || adapt(s))
+        return status;
+    memcpy(s->x, s->extra[START], size);
+    memcpy(s->f, s->extra[START_FORCE], size);
+    dr_cloth_stress(s->cloth, s->x, NULL);
+    s->row.energy = here;
+    s->strain = strain;
+    return status;
+}
+
 static drape_status advance(struct dr_state *s, drape_error *reterr)
 {
     const drape_energies *here = &s->row.energy;
-    size_t count = 3 * s->cloth->mesh->nodes;
-    double began = dr_clock(), size = here->stretch + here->bend + here->contact + fabs(here->gravity);
-    drape_status status = DRAPE_OK;
+    double began = dr_clock() - accounted(s);
+    double size = here->stretch + here->bend + here->contact + fabs(here->gravity);
     drape_energies there = {0};
 
     if (!improved(s, size))
         return bite(s, reterr);
-    if (s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH) &&
-        s->cloth->self)
-        dr_self_clip(s->cloth->self, s->x, s->w);
-    for (size_t i = 0; i < count; i++)
-        s->x_next[i] = s->x[i] + s->w[i];
+    clip(s);
     double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &s->strain);
-    double potential = dr_cloth_energy(s->cloth, s->x_next, &there, s->f_next);
+    double potential = look_ahead(s, &there);
     s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
-    if (adapt(s)) {
-        if (isfinite(potential))
-            dr_state_arrive(s, &there);
-        else
-            status = bite(s, reterr);
-    }
+    bool correct = s->gaps && isfinite(potential) && false_stretch > FALSE_PART * fabs(s->predicted);
+    drape_status status = correct ? settle_corrected(s, &there, reterr) : settle(s, &there, reterr);
     s->row.linear_iterations = s->solves;
-    s->sim->stage[DR_STAGE_MOVE] += dr_clock() - began;
+    s->sim->stage[DR_STAGE_MOVE] += dr_clock() - accounted(s) - began;
     return status;
 }
 

@@ -166,6 +166,27 @@ static void test_matrix__solve_leaves_no_residual_in_dense_arithmetic(void **sta
     release(&s);
 }
 
+static void test_matrix__multiply_is_dense_arithmetic_on_the_free_nodes(void **state)
+{
+    (void)state;
+    static struct system s;
+    make(&s);
+    struct dr_matrix *A = assemble(&s, DR_CHOLESKY);
+    double p[N], q[N];
+    uint64_t seed = 9;
+    for (int i = 0; i < N; i++)
+        p[i] = test_random(&seed);
+    dr_matrix_multiply(A, p, q);
+    for (int i = 0; i < N; i++) {
+        double sum = 0;
+        for (int j = 0; j < N; j++)
+            sum += s.mesh->held[i / 3] || s.mesh->held[j / 3] ? 0 : s.dense[i][j] * p[j];
+        assert_near(q[i], sum, 1e-12, 1);
+    }
+    dr_matrix_free(A);
+    release(&s);
+}
+
 static void test_matrix__one_and_two_right_hand_sides_give_the_same_bytes(void **state)
 {
     (void)state;
@@ -262,6 +283,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_matrix__solve_leaves_no_residual_in_dense_arithmetic),
+        cmocka_unit_test(test_matrix__multiply_is_dense_arithmetic_on_the_free_nodes),
         cmocka_unit_test(test_matrix__one_and_two_right_hand_sides_give_the_same_bytes),
         cmocka_unit_test(test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory),
         cmocka_unit_test(test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven),
