@@ -1,7 +1,9 @@
-/* api_meshes.c - uploaded meshes: checked, kept under their SHA-256, given back byte for byte. */
+/* api_meshes.c - uploaded meshes: checked, kept under their SHA-256, given back byte for byte or in another
+ * format. */
 #include "api.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,8 +12,11 @@
 
 #include "clock.h"
 #include "digest.h"
+#include "drape.h"
+#include "files.h"
 #include "log.h"
 #include "meshfile.h"
+#include "meshref.h"
 #include "multipart.h"
 #include "negotiate.h"
 #include "represent.h"
@@ -160,6 +165,91 @@ void mesh_post(struct call *call)
 /* ---- GET ------------------------------------------------------------------------------------------------
  */
 
+#define VARY "Accept, Accept-Encoding"
+
+/* By ?format=, else by Accept, where what was uploaded is as good as any; -1: none will do. */
+static int choose_format(const struct call *call, enum mesh_format kept)
+{
+    char name[16];
+    int format[MESH_FORMATS] = {(int)kept}, formats = 1;
+    const char *type[MESH_FORMATS];
+    int given = http_query(call->request, "format", name, sizeof name);
+    if (given <= 0)
+        return given == 0 ? mesh_format_from_name(name) : -1;
+    for (int i = 0; i < MESH_FORMATS; i++)
+        if (i != (int)kept)
+            format[formats++] = i;
+    for (int i = 0; i < MESH_FORMATS; i++)
+        type[i] = mesh_format_media_type((enum mesh_format)format[i]);
+    int best = negotiate_accept(http_header(call->request, "Accept"), type, MESH_FORMATS);
+    return best < 0 ? -1 : format[best];
+}
+
+/* The mesh's facts and the format to send; false: answered. */
+static bool find_mesh(struct call *call, struct store_mesh *ret, enum mesh_format *ret_format)
+{
+    struct problem problem;
+    int found = store_mesh_get(call->api->store, call->owner, call->id, ret, &problem);
+    int format = found == 0 ? choose_format(call, (enum mesh_format)ret->format) : -1;
+    if (found > 0)
+        problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
+    else if (found == 0 && format < 0)
+        problem_set(&problem, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
+    if (format < 0)
+        call_problem(call, &problem);
+    else
+        *ret_format = (enum mesh_format)format;
+    return format >= 0;
+}
+
+/* ---- in another format than was uploaded */
+
+/* The answer with a mesh in another format, by way of an unnamed file; NULL with *reterr. */
+static struct http_answer *convert(struct call *call, enum mesh_format format, struct problem *reterr)
+{
+    struct meshref ref = {call->api->store, call->owner, &call->api->config->limits, NULL};
+    struct mesh mesh = {0};
+    if (meshref_load(call->id, &mesh, reterr, &ref) != 0)
+        return NULL;
+    int fd = files_open_unnamed(call->api->config->data);
+    int copy = fd < 0 ? -1 : fcntl(fd, F_DUPFD_CLOEXEC, 0);
+    FILE *file = copy < 0 ? NULL : fdopen(copy, "w");
+    bool written = file != NULL && meshfile_write(format, file, &mesh) == 0;
+    int error = errno;
+    off_t bytes = written ? ftello(file) : -1;
+    mesh_done(&mesh);
+    if (file != NULL)
+        fclose(file);
+    else if (copy >= 0)
+        close(copy);
+    if (bytes >= 0)
+        return http_answer_file(200, mesh_format_media_type(format), fd, (uint64_t)bytes);
+    if (fd >= 0)
+        close(fd);
+    problem_set(reterr, PROBLEM_STORAGE, "The mesh could not be written: %s.", strerror(error));
+    return NULL;
+}
+
+/* On the reader's thread. The tag names the version: our writers may differ from one to the next. */
+static void mesh_convert(struct call *call)
+{
+    struct problem problem = {.code = PROBLEM_INTERNAL};
+    struct store_mesh mesh;
+    enum mesh_format format;
+    char tag[SHA256_SIZE + 32];
+    if (!find_mesh(call, &mesh, &format))
+        return;
+    snprintf(tag, sizeof tag, "%s-%s-%s", mesh.sha256, mesh_format_name(format), drape_version());
+    struct http_answer *answer = convert(call, format, &problem);
+    struct representing as = {tag, CODING_IDENTITY, VARY, "private, no-cache"};
+    if (answer != NULL)
+        represent_send(call, answer, &as);
+    else
+        call_problem(call, &problem);
+}
+
+/* ---- as it was uploaded */
+
 /* What is sent of a mesh, and how. */
 struct outgoing {
     struct store_mesh mesh;
@@ -179,15 +269,12 @@ static bool open_mesh(struct call *call, struct outgoing *ret)
         problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
     if (found != 0)
         call_problem(call, &problem);
-    else /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
-        store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
     return found == 0;
 }
 
 static void send_mesh(struct call *call, const struct outgoing *out)
 {
-    struct representing as = {call->id, out->coding, "Accept, Accept-Encoding",
-                              "private, max-age=31536000, immutable"};
+    struct representing as = {call->id, out->coding, VARY, "private, max-age=31536000, immutable"};
     const char *type = mesh_format_media_type((enum mesh_format)out->mesh.format);
     represent_send(call, http_answer_file(200, type, out->fd, out->bytes), &as);
 }
@@ -256,7 +343,7 @@ static void send_coded(struct call *call)
         send_mesh(call, &out);
 }
 
-void mesh_get(struct call *call)
+static void send_kept(struct call *call)
 {
     struct outgoing out;
     if (!open_mesh(call, &out))
@@ -275,6 +362,20 @@ void mesh_get(struct call *call)
     } else {
         send_mesh(call, &out);
     }
+}
+
+void mesh_get(struct call *call)
+{
+    struct store_mesh mesh;
+    enum mesh_format format;
+    if (!find_mesh(call, &mesh, &format))
+        return;
+    /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
+    store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
+    if (format == (enum mesh_format)mesh.format)
+        send_kept(call);
+    else
+        call_pass(call, call->api->reader, mesh_convert);
 }
 
 void mesh_delete(struct call *call)

@@ -89,6 +89,22 @@ int files_publish_dir(int dirfd, const char *name, const char *new_name)
     return renameat(dirfd, name, dirfd, new_name) != 0 ? -1 : fsync(dirfd);
 }
 
+int files_open_unnamed(const char *dir)
+{
+    int fd = open(dir, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (fd >= 0 || (errno != EOPNOTSUPP && errno != EISDIR))
+        return fd;
+    char path[4096];
+    if (snprintf(path, sizeof path, "%s/spool.XXXXXX", dir) >= (int)sizeof path) {
+        errno = ENAMETOOLONG;
+        return -1;
+    }
+    fd = mkostemp(path, O_CLOEXEC);
+    if (fd >= 0)
+        unlink(path);
+    return fd;
+}
+
 int files_probe(const char *dir)
 {
     static const char page[4096];

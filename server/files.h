@@ -1,6 +1,6 @@
 /* files.h - files that are whole or not there: written aside, synced, renamed, folder synced.
  *
- * All functions return 0, or -1 with errno. Descriptors are close-on-exec. */
+ * All functions but one return 0, or -1 with errno. Descriptors are close-on-exec. */
 #ifndef DRAPED_FILES_H
 #define DRAPED_FILES_H
 
@@ -26,6 +26,10 @@ int files_remove(int dirfd, const char *name);
 
 /* The bytes of a file, or of the files in a folder; 0 for what is not there. */
 uint64_t files_size(int dirfd, const char *name);
+
+/* A file without a name in `dir`, for reading and writing: nothing is left behind whatever happens. The
+ * descriptor, or -1. */
+int files_open_unnamed(const char *dir);
 
 /* Whether `dir` takes writes now: a page goes into an unnamed file. */
 int files_probe(const char *dir);

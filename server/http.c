@@ -524,21 +524,6 @@ static size_t unescape_nothing(void *cls, struct MHD_Connection *mhd, char *text
 
 /* ---- bodies ------------------------------------------------------------------------------------------ */
 
-/* An unnamed file: nothing is left behind whatever happens. */
-static int open_spool(const char *dir)
-{
-    int fd = open(dir, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    if (fd >= 0 || (errno != EOPNOTSUPP && errno != EISDIR))
-        return fd;
-    char path[4096];
-    if (snprintf(path, sizeof path, "%s/spool.XXXXXX", dir) >= (int)sizeof path)
-        return -1;
-    fd = mkostemp(path, O_CLOEXEC);
-    if (fd >= 0)
-        unlink(path);
-    return fd;
-}
-
 void http_expect_body(struct http_request *request, size_t cap)
 {
     request->body_cap = cap;
@@ -568,7 +553,7 @@ static void take_body(struct http_request *r, const char *data, size_t bytes)
     } else {
         r->body_bytes += bytes;
         if (r->spool < 0)
-            r->spool = open_spool(r->http->setup.spool_dir);
+            r->spool = files_open_unnamed(r->http->setup.spool_dir);
         if (r->spool < 0 || files_write_all(r->spool, data, bytes) != 0)
             r->body_state = BODY_FAILED;
     }
@@ -654,7 +639,7 @@ static int decoding_problem(const struct http_request *r, enum coding coding, en
 
 int http_decode_body(struct http_request *r, enum coding coding, struct problem *reterr)
 {
-    struct decoded decoded = {.http = r->http, .fd = open_spool(r->http->setup.spool_dir)};
+    struct decoded decoded = {.http = r->http, .fd = files_open_unnamed(r->http->setup.spool_dir)};
     const void *data;
     size_t bytes;
     const char *why = "";

@@ -1,6 +1,7 @@
 /* meshfile.c - mesh formats by name, JSON meshes, and what all formats share. */
 #include "meshformat.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -217,5 +218,49 @@ int meshfile_from_json(const struct jsontext *json, const json_t *object, const 
 
 fail:
     mesh_done(&mesh);
+    return -1;
+}
+
+static void put_numbers(FILE *file, const char *member, const double *value, size_t n)
+{
+    fprintf(file, "\"%s\":[", member);
+    for (size_t i = 0; i < n; i++)
+        fprintf(file, i > 0 ? ",%.9g" : "%.9g", value[i]);
+    fputs("]", file);
+}
+
+int meshfile_write_json(FILE *file, const struct mesh *mesh)
+{
+    fputs("{", file);
+    put_numbers(file, "positions", mesh->positions, 3 * mesh->vertices);
+    fputs(",\n\"triangles\":[", file);
+    for (size_t i = 0; i < 3 * mesh->triangles; i++)
+        fprintf(file, i > 0 ? ",%u" : "%u", mesh->triangle[i]);
+    fputs("]", file);
+    if (mesh->pattern) {
+        fputs(",\n", file);
+        put_numbers(file, "pattern", mesh->pattern, 2 * mesh->vertices);
+    }
+    fputs("}\n", file);
+    return fflush(file) || ferror(file) ? -1 : 0;
+}
+
+/* ---- any format out -------------------------------------------------------------------------- */
+
+int meshfile_write(enum mesh_format format, FILE *file, const struct mesh *mesh)
+{
+    switch (format) {
+    case MESH_OBJ:
+        return meshfile_write_obj(file, mesh, NULL);
+    case MESH_PLY:
+        return meshfile_write_ply(file, mesh, NULL, NULL);
+    case MESH_GLB:
+        return meshfile_write_glb(file, mesh, NULL, NULL, "mesh");
+    case MESH_JSON:
+        return meshfile_write_json(file, mesh);
+    case MESH_FORMATS:
+        break;
+    }
+    errno = EINVAL;
     return -1;
 }

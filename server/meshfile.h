@@ -1,4 +1,4 @@
-/* meshfile.h - OBJ, PLY, GLB and JSON meshes in, OBJ, PLY and GLB out. Knows no jobs, no sockets. */
+/* meshfile.h - OBJ, PLY, GLB and JSON meshes in and out. Knows no jobs, no sockets. */
 #ifndef DRAPED_MESHFILE_H
 #define DRAPED_MESHFILE_H
 
@@ -41,5 +41,8 @@ int meshfile_write_obj(FILE *file, const struct mesh *mesh, const double *normal
 int meshfile_write_ply(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit);
 int meshfile_write_glb(FILE *file, const struct mesh *mesh, const double *normals, const struct fitmap *fit,
                        const char *name);
+int meshfile_write_json(FILE *file, const struct mesh *mesh); /* what meshfile_from_json reads */
+/* A mesh and no more, in any format: numbers of 9 digits, or 32 bits in PLY and GLB. */
+int meshfile_write(enum mesh_format format, FILE *file, const struct mesh *mesh);
 
 #endif

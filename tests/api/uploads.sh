@@ -41,5 +41,38 @@ request POST /v1/jobs -H 'Content-Type: application/json' -H "Content-Digest: sh
 problem 'and a job' 400 digest-mismatch
 request POST /v1/jobs -H 'Content-Type: application/json' -H "Content-Digest: sha-256=:$(digest sha256 "$work/job"):" --data-binary "@$work/job"
 is 'a job with its digest is taken' "$code" 202
+# ---- back, in any format
+is_mesh() { # FILE: the same mesh as JSON, by way of another upload
+    [[ $code == 200 ]] || { echo "status $code"; return 1; }
+    local type=$1 sha2
+    cp "$body" "$work/back"
+    sha2=$(curl -sS -H "Content-Type: $type" --data-binary "@$work/back" "$url/v1/meshes" | jq -r .sha256)
+    curl -sS "$url/v1/meshes/$sha2?format=json" | jq -c . >"$work/back.json"
+    cmp "$work/back.json" "$work/as.json"
+}
+request GET "/v1/meshes/$sha"; check 'as it was uploaded' cmp "$body" "$work/m.obj"
+is 'with its type' "$(header content-type)" model/obj
+is 'a strong tag' "$(header etag)" "\"$sha\""
+is 'and what it depends on' "$(header vary)" Accept
+request GET "/v1/meshes/$sha?format=json"; jq -c . "$body" >"$work/as.json"
+json 'as JSON' '.positions == [0,0,0,0.1,0,0,0,0.1,0.25,1,1,1] and .triangles == [0,1,2,1,3,2] and .pattern == [0,0,0.1,0,0,0.1,0.5,0.5]'
+etag=$(header etag)
+like 'under a tag of its own' "$etag" "^\"$sha-json-"
+request GET "/v1/meshes/$sha?format=json" -H "If-None-Match: $etag"; is 'which answers 304' "$code" 304
+request GET "/v1/meshes/$sha?format=json" -H "If-None-Match: \"$sha\""; is 'but not to that of the upload' "$code" 200
+# 0.1 has no float of 32 bits: its nine digits come back all the same.
+sed -i 's/0\.1/0.125/g' "$work/m.obj"
+meshes -H "$obj" --data-binary "@$work/m.obj"; sha=$(jq -r .sha256 "$body")
+request GET "/v1/meshes/$sha?format=json"; jq -c . "$body" >"$work/as.json"
+for format in obj ply glb json; do
+    request GET "/v1/meshes/$sha?format=$format"; check "as $format, which reads back the same" is_mesh "$format"
+done
+request GET "/v1/meshes/$sha" -H 'Accept: model/gltf-binary'; is 'by Accept' "$(header content-type)" model/gltf-binary
+request GET "/v1/meshes/$sha" -H 'Accept: */*'; is 'anything is the upload' "$(header content-type)" model/obj
+request GET "/v1/meshes/$sha" -H 'Accept: image/png'; problem 'no mesh' 406 not-acceptable
+request GET "/v1/meshes/$sha?format=stl"; problem 'no format of ours' 406 not-acceptable
+request HEAD "/v1/meshes/$sha?format=ply"; is 'HEAD too' "$code:$(header content-type)" 200:application/x-ply
+like 'tells the length' "$(header content-length)" '^[1-9]'
+request GET "/v1/meshes/$(printf '%064d' 1)?format=ply"; problem 'a mesh that is not there' 404 not-found
 stop_daemon; is 'the daemon stops with status 0' "$status" 0
 finish
