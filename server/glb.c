@@ -1,9 +1,10 @@
 /* glb.c - binary glTF 2.0 meshes in and out.
  *
- * Read: one mesh of one triangle primitive, POSITION and, as the cloth's pattern in metres, TEXCOORD_0
- * (both float), indices of 8, 16 or 32 bits or none; one buffer, the file's binary chunk. Node
- * transforms other than the identity, sparse accessors and required extensions are refused rather than
- * passed over. Section numbers are those of the glTF 2.0 specification. */
+ * Read: the triangles of every node of the scene, in the places that the nodes' transforms give them, one
+ * after the other in one mesh: POSITION and, as the cloth's pattern in metres, TEXCOORD_0 where all have it;
+ * indices of 8, 16 or 32 bits or none; one buffer, the file's binary chunk. A skin is read where its joints
+ * are as they were bound. Sparse accessors, other postures, other primitives than triangles and required
+ * extensions are refused rather than passed over. Section numbers are those of the glTF 2.0 specification. */
 #include "meshformat.h"
 
 #include <math.h>
@@ -26,11 +27,13 @@ enum { GL_UNSIGNED_BYTE = 5121, GL_UNSIGNED_SHORT = 5123, GL_UNSIGNED_INT = 5125
 enum { GL_TRIANGLES = 4 };
 enum { GL_ARRAY_BUFFER = 34962, GL_ELEMENT_ARRAY_BUFFER = 34963 };
 
-struct glb {
-    struct jsontext json;
-    const unsigned char *bin; /* the binary chunk; NULL when there is none */
-    size_t bin_bytes;
-    struct problem *reterr;
+/* Of a file that is one garment or one body; a rigged one has a few hundred nodes. */
+#define MAX_NODES 4096
+#define MAX_PARTS 256
+#define MAX_DEPTH 128 /* of the tree of nodes */
+
+struct transform { /* 3.5.3: p -> m p + t */
+    double m[3][3], t[3];
 };
 
 /* A view of `count` items in the binary chunk, checked against its bounds. */
@@ -38,6 +41,30 @@ struct accessor {
     const unsigned char *data;
     size_t count, stride;
     int component;
+};
+
+struct part {                            /* a primitive in its place */
+    struct accessor position, uv, index; /* uv, index: without data where there are none */
+    int64_t position_at, uv_at;          /* the accessors' numbers: primitives may share them */
+    size_t instance;                     /* of a mesh: its primitives may share vertices */
+    struct transform place;
+    size_t first; /* its first vertex in the mesh */
+    bool shared;  /* the vertices are those of an earlier part */
+};
+
+struct glb {
+    struct jsontext json;
+    const unsigned char *bin; /* the binary chunk; NULL when there is none */
+    size_t bin_bytes;
+    const struct limits *limits;
+    struct problem *reterr;
+    /* the scene */
+    struct transform *place; /* of each node, in the scene */
+    bool *placed;            /* whether the walk has come by the node */
+    size_t nodes;
+    struct part *part; /* MAX_PARTS */
+    size_t parts, instances, vertices, corners;
+    bool pattern; /* all parts have one */
 };
 
 static uint32_t get_u32(const unsigned char *at)
@@ -157,17 +184,29 @@ static int read_accessor(struct glb *glb, int64_t index, const char *type, size_
     return 0;
 }
 
-static int read_floats(struct glb *glb, const struct accessor *accessor, size_t width, const char *what,
-                       double *ret)
+/* 3.6.2.2: integers that stand for 0 to 1; whether an accessor of them may is for the caller to say. */
+static double get_number(const unsigned char *at, int component)
 {
+    if (component == GL_UNSIGNED_BYTE)
+        return at[0] / 255.0;
+    if (component == GL_UNSIGNED_SHORT)
+        return ((uint32_t)at[0] | (uint32_t)at[1] << 8) / 65535.0;
+    uint32_t bits = get_u32(at);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return (double)value;
+}
+
+static int read_numbers(struct glb *glb, const struct accessor *accessor, size_t width, const char *what,
+                        double *ret)
+{
+    size_t bytes = component_bytes(accessor->component);
     for (size_t i = 0; i < accessor->count; i++)
         for (size_t k = 0; k < width; k++) {
-            uint32_t bits = get_u32(accessor->data + i * accessor->stride + 4 * k);
-            float value;
-            memcpy(&value, &bits, sizeof value);
+            double value = get_number(accessor->data + i * accessor->stride + bytes * k, accessor->component);
             if (!isfinite(value))
                 return refuse(glb, "%s of vertex %zu is not finite", what, i);
-            ret[width * i + k] = (double)value;
+            ret[width * i + k] = value;
         }
     return 0;
 }
@@ -187,114 +226,371 @@ static uint32_t get_index(const struct accessor *accessor, size_t i)
 
 /* ---- the mesh -------------------------------------------------------------------------------- */
 
-static bool is_array_of(const struct glb *glb, const json_t *array, const double *value, size_t n)
+/* Numbers of node `n`, exactly `count` of them; 1 when there are none, -1 when they are something else. */
+static int get_numbers(struct glb *glb, const json_t *object, const char *member, size_t n, size_t count,
+                       double *ret)
 {
-    struct numbers numbers = jsontext_numbers(&glb->json, array);
-    if (numbers.count != n || numbers.odd != SIZE_MAX)
-        return false;
-    for (size_t i = 0; i < n; i++)
-        if (numbers.value[i] != value[i])
+    const json_t *value = json_object_get(object, member);
+    if (value == NULL)
+        return 1;
+    struct numbers numbers = jsontext_numbers(&glb->json, value);
+    bool fine = numbers.count == count && numbers.odd == SIZE_MAX;
+    for (size_t i = 0; fine && i < count; i++)
+        fine = isfinite(ret[i] = numbers.value[i]);
+    return fine ? 0 : refuse(glb, "node %zu: its %s is not of %zu numbers", n, member, count);
+}
+
+static const struct transform IDENTITY = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {0, 0, 0}};
+
+/* 3.5.3: 16 numbers by columns. */
+static struct transform from_matrix(const double *m)
+{
+    struct transform t;
+    for (size_t i = 0; i < 3; i++) {
+        for (size_t j = 0; j < 3; j++)
+            t.m[i][j] = m[4 * j + i];
+        t.t[i] = m[12 + i];
+    }
+    return t;
+}
+
+/* First scaled, then turned by the unit quaternion x y z w, then moved. */
+static struct transform from_parts(const double *move, const double *q, const double *scale)
+{
+    double x = q[0], y = q[1], z = q[2], w = q[3];
+    double turn[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)},
+                         {2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)},
+                         {2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)}};
+    struct transform t;
+    for (size_t i = 0; i < 3; i++) {
+        for (size_t j = 0; j < 3; j++)
+            t.m[i][j] = turn[i][j] * scale[j];
+        t.t[i] = move[i];
+    }
+    return t;
+}
+
+static void apply(const struct transform *t, const double *p, double *ret)
+{
+    double x = p[0], y = p[1], z = p[2]; /* ret may be p */
+    for (size_t i = 0; i < 3; i++)
+        ret[i] = t->m[i][0] * x + t->m[i][1] * y + t->m[i][2] * z + t->t[i];
+}
+
+/* `inner` first. */
+static struct transform compose(const struct transform *outer, const struct transform *inner)
+{
+    struct transform t;
+    for (size_t i = 0; i < 3; i++)
+        for (size_t j = 0; j < 3; j++)
+            t.m[i][j] = outer->m[i][0] * inner->m[0][j] + outer->m[i][1] * inner->m[1][j] +
+                        outer->m[i][2] * inner->m[2][j];
+    apply(outer, inner->t, t.t);
+    return t;
+}
+
+static bool mirrors(const struct transform *t)
+{
+    const double(*m)[3] = t->m;
+    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+               m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+               m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]) <
+           0;
+}
+
+/* A node's own transform. */
+static int read_transform(struct glb *glb, const json_t *node, size_t n, struct transform *ret)
+{
+    double matrix[16], move[3] = {0, 0, 0}, turn[4] = {0, 0, 0, 1}, scale[3] = {1, 1, 1};
+    int given = get_numbers(glb, node, "matrix", n, 16, matrix);
+    if (given < 0 || get_numbers(glb, node, "translation", n, 3, move) < 0 ||
+        get_numbers(glb, node, "rotation", n, 4, turn) < 0 ||
+        get_numbers(glb, node, "scale", n, 3, scale) < 0)
+        return -1;
+    double length = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] + turn[3] * turn[3];
+    if (!(fabs(length - 1) <= 1e-3))
+        return refuse(glb, "node %zu: its rotation is no unit quaternion", n);
+    *ret = given == 0 ? from_matrix(matrix) : from_parts(move, turn, scale);
+    return 0;
+}
+
+/* ---- the tree of nodes ----------------------------------------------------------------------- */
+
+/* 3.5.2: places node `n` and those below it. A node with two parents, or its own ancestor, is met again. */
+static int place_node(struct glb *glb, size_t n, const struct transform *parent, size_t depth)
+{
+    struct transform own;
+    const json_t *node = get_item(glb, "nodes", (int64_t)n);
+    if (glb->placed[n])
+        return refuse(glb, "node %zu is in the scene twice", n);
+    if (depth > MAX_DEPTH)
+        return refuse(glb, "node %zu is nested deeper than %d", n, MAX_DEPTH);
+    glb->placed[n] = true;
+    if (read_transform(glb, node, n, &own) != 0)
+        return -1;
+    glb->place[n] = compose(parent, &own);
+    struct numbers children = jsontext_numbers(&glb->json, json_object_get(node, "children"));
+    for (size_t i = 0; i < children.count; i++) {
+        double child = children.value[i];
+        if (!(child >= 0 && child < (double)glb->nodes) || child != floor(child))
+            return refuse(glb, "node %zu: %g is no node, there are %zu", n, child, glb->nodes);
+        if (place_node(glb, (size_t)child, &glb->place[n], depth + 1) != 0)
+            return -1;
+    }
+    return 0;
+}
+
+/* The nodes of the scene to show, or without scenes those that are nobody's child. */
+static int place_nodes(struct glb *glb)
+{
+    const json_t *scene = get_item(glb, "scenes", get_natural(glb->json.root, "scene", 0));
+    bool *child = calloc(glb->nodes + 1, sizeof *child);
+    int rc = child == NULL ? problem_set(glb->reterr, PROBLEM_INTERNAL, "out of memory") : 0;
+    for (size_t n = 0; rc == 0 && scene == NULL && n < glb->nodes; n++) {
+        const json_t *node = get_item(glb, "nodes", (int64_t)n);
+        struct numbers children = jsontext_numbers(&glb->json, json_object_get(node, "children"));
+        for (size_t i = 0; i < children.count; i++)
+            if (children.value[i] >= 0 && children.value[i] < (double)glb->nodes)
+                child[(size_t)children.value[i]] = true;
+    }
+    struct numbers roots = jsontext_numbers(&glb->json, json_object_get(scene, "nodes"));
+    for (size_t i = 0; rc == 0 && i < (scene == NULL ? glb->nodes : roots.count); i++) {
+        double n = scene == NULL ? (double)i : roots.value[i];
+        if (!(n >= 0 && n < (double)glb->nodes) || n != floor(n))
+            rc = refuse(glb, "the scene's node %g does not exist, there are %zu", n, glb->nodes);
+        else if (scene != NULL || !child[i])
+            rc = place_node(glb, (size_t)n, &IDENTITY, 1);
+    }
+    free(child);
+    return rc;
+}
+
+/* ---- skins ----------------------------------------------------------------------------------- */
+
+static bool is_near(const struct transform *a, const struct transform *b)
+{
+    for (size_t i = 0; i < 3; i++) {
+        if (!(fabs(a->t[i] - b->t[i]) <= 1e-4))
             return false;
+        for (size_t j = 0; j < 3; j++)
+            if (!(fabs(a->m[i][j] - b->m[i][j]) <= 1e-4))
+                return false;
+    }
     return true;
 }
 
-/* 3.5.3: node transforms. */
-static int check_nodes(struct glb *glb)
+/* 3.7.3.3: a skin puts each vertex where its joints have gone since they were bound. When all of them have
+ * gone the same way, so has the mesh; the place of its own node does not count. *ret is that way. */
+static int read_skin(struct glb *glb, size_t n, int64_t index, struct transform *ret)
 {
-    static const double MATRIX[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    static const struct {
-        const char *name;
-        double value[4];
-        size_t n;
-    } PART[] = {{"translation", {0, 0, 0}, 3}, {"rotation", {0, 0, 0, 1}, 4}, {"scale", {1, 1, 1}, 3}};
-    size_t i;
-    json_t *node;
-    json_array_foreach(json_object_get(glb->json.root, "nodes"), i, node)
-    {
-        const json_t *matrix = json_object_get(node, "matrix");
-        if (matrix && !is_array_of(glb, matrix, MATRIX, 16))
-            return refuse(glb, "node %zu has a matrix; apply the transforms before exporting", i);
-        for (size_t k = 0; k < sizeof PART / sizeof *PART; k++) {
-            const json_t *part = json_object_get(node, PART[k].name);
-            if (part && !is_array_of(glb, part, PART[k].value, PART[k].n))
-                return refuse(glb, "node %zu has a %s; apply the transforms before exporting", i,
-                              PART[k].name);
-        }
-    }
-    return 0;
-}
-
-static const json_t *find_primitive(struct glb *glb)
-{
-    const json_t *meshes = json_object_get(glb->json.root, "meshes");
-    const json_t *primitives = json_object_get(json_array_get(meshes, 0), "primitives");
-    const json_t *primitive = json_array_get(primitives, 0);
-    if (json_array_size(json_object_get(glb->json.root, "extensionsRequired")) > 0)
-        refuse(glb, "the file needs an extension (compressed geometry?), none is read");
-    else if (json_array_size(meshes) != 1 || json_array_size(primitives) != 1)
-        refuse(glb, "exactly one mesh of one primitive is read");
-    else if (get_natural(primitive, "mode", GL_TRIANGLES) != GL_TRIANGLES)
-        refuse(glb, "the primitive is not of triangles");
-    else if (json_object_get(json_array_get(json_object_get(glb->json.root, "buffers"), 0), "uri"))
-        refuse(glb, "the buffer must be the file's own binary chunk");
-    else
-        return primitive;
-    return NULL;
-}
-
-static int fill_triangles(struct glb *glb, const struct accessor *index, struct mesh *mesh)
-{
-    for (size_t i = 0; i < 3 * mesh->triangles; i++) {
-        uint32_t vertex = index->data ? get_index(index, i) : (uint32_t)i;
-        if (vertex >= mesh->vertices)
-            return refuse(glb, "triangle %zu: %u is no vertex, there are %zu (counted from 0)", i / 3, vertex,
-                          mesh->vertices);
-        mesh->triangle[i] = vertex;
-    }
-    return 0;
-}
-
-static int read_mesh(struct glb *glb, const struct limits *limits, struct mesh *ret)
-{
-    struct accessor position, uv = {0}, index = {0};
-    const json_t *primitive = find_primitive(glb);
-    if (!primitive || check_nodes(glb))
+    const json_t *skin = get_item(glb, "skins", index);
+    struct numbers joints = jsontext_numbers(&glb->json, json_object_get(skin, "joints"));
+    int64_t bound_at = get_natural(skin, "inverseBindMatrices", -1);
+    struct accessor bound = {0};
+    if (joints.count == 0)
+        return refuse(glb, "node %zu: its skin has no joints", n);
+    if (bound_at >= 0 && read_accessor(glb, bound_at, "MAT4", 16, "inverseBindMatrices", &bound) != 0)
         return -1;
+    if (bound.data != NULL && (bound.component != GL_FLOAT || bound.count < joints.count))
+        return refuse(glb, "node %zu: its skin has too few inverseBindMatrices, or none of floats", n);
+    for (size_t i = 0; i < joints.count; i++) {
+        double joint = joints.value[i], matrix[16];
+        struct transform way, back = IDENTITY;
+        if (!(joint >= 0 && joint < (double)glb->nodes) || joint != floor(joint) ||
+            !glb->placed[(size_t)joint])
+            return refuse(glb, "node %zu: joint %g of its skin is not in the scene", n, joint);
+        for (size_t k = 0; bound.data != NULL && k < 16; k++)
+            matrix[k] = get_number(bound.data + i * bound.stride + 4 * k, GL_FLOAT);
+        if (bound.data != NULL)
+            back = from_matrix(matrix);
+        way = compose(&glb->place[(size_t)joint], &back);
+        if (i == 0)
+            *ret = way;
+        else if (!is_near(ret, &way))
+            return refuse(
+                glb, "node %zu is in another posture than its skin was bound in; apply it before exporting",
+                n);
+    }
+    return is_near(ret, ret) ? 0 : refuse(glb, "node %zu: its skin is not finite", n);
+}
+
+/* ---- the mesh -------------------------------------------------------------------------------- */
+
+static int read_accessors(struct glb *glb, const json_t *primitive, struct part *part)
+{
     const json_t *attributes = json_object_get(primitive, "attributes");
     bool pattern = json_object_get(attributes, "TEXCOORD_0") != NULL;
     bool indexed = json_object_get(primitive, "indices") != NULL;
-
-    if (read_accessor(glb, get_natural(attributes, "POSITION", -1), "VEC3", 3, "POSITION", &position) ||
-        (pattern &&
-         read_accessor(glb, get_natural(attributes, "TEXCOORD_0", -1), "VEC2", 2, "TEXCOORD_0", &uv)) ||
+    part->position_at = get_natural(attributes, "POSITION", -1);
+    part->uv_at = get_natural(attributes, "TEXCOORD_0", -1);
+    if (read_accessor(glb, part->position_at, "VEC3", 3, "POSITION", &part->position) ||
+        (pattern && read_accessor(glb, part->uv_at, "VEC2", 2, "TEXCOORD_0", &part->uv)) ||
         (indexed &&
-         read_accessor(glb, get_natural(primitive, "indices", -1), "SCALAR", 1, "indices", &index)))
+         read_accessor(glb, get_natural(primitive, "indices", -1), "SCALAR", 1, "indices", &part->index)))
         return -1;
-    if (position.component != GL_FLOAT || (pattern && uv.component != GL_FLOAT))
-        return refuse(glb, "POSITION and TEXCOORD_0 must be floats");
-    if (pattern && uv.count != position.count)
-        return refuse(glb, "TEXCOORD_0 has %zu items, POSITION %zu", uv.count, position.count);
-    if (indexed && index.component == GL_FLOAT)
+    if (part->position.component != GL_FLOAT)
+        return refuse(glb, "POSITION must be floats");
+    if (pattern && part->uv.component == GL_UNSIGNED_INT)
+        return refuse(glb, "TEXCOORD_0 must be floats, or bytes or shorts that stand for 0 to 1");
+    if (pattern && part->uv.count != part->position.count)
+        return refuse(glb, "TEXCOORD_0 has %zu items, POSITION %zu", part->uv.count, part->position.count);
+    if (indexed && part->index.component == GL_FLOAT)
         return refuse(glb, "indices must be integers");
-    size_t corners = indexed ? index.count : position.count;
-    if (corners % 3 != 0)
-        return refuse(glb, "%zu indices are no triangles", corners);
+    if (!indexed)
+        part->index.count = part->position.count;
+    if (part->index.count % 3 != 0)
+        return refuse(glb, "%zu indices are no triangles", part->index.count);
+    return 0;
+}
 
-    if (mesh_alloc(ret, position.count, corners / 3, pattern, limits, glb->reterr) ||
-        read_floats(glb, &position, 3, "POSITION", ret->positions) ||
-        (pattern && read_floats(glb, &uv, 2, "TEXCOORD_0", ret->pattern)))
+/* Exporters write one set of vertices for the primitives of a mesh, or one for each. */
+static const struct part *find_shared(const struct glb *glb, const struct part *part)
+{
+    for (size_t i = 0; i < glb->parts; i++) {
+        const struct part *other = &glb->part[i];
+        if (other->instance == part->instance && other->position_at == part->position_at &&
+            other->uv_at == part->uv_at && !other->shared)
+            return other;
+    }
+    return NULL;
+}
+
+static int add_part(struct glb *glb, const json_t *primitive, const struct transform *place)
+{
+    struct part part = {.instance = glb->instances, .place = *place, .first = glb->vertices};
+    if (get_natural(primitive, "mode", GL_TRIANGLES) != GL_TRIANGLES)
+        return refuse(glb, "a primitive is not of triangles");
+    if (glb->parts == MAX_PARTS)
+        return refuse(glb, "more than %d primitives", MAX_PARTS);
+    if (read_accessors(glb, primitive, &part) != 0)
         return -1;
-    return fill_triangles(glb, &index, ret);
+    const struct part *shared = find_shared(glb, &part);
+    if (shared != NULL) {
+        part.shared = true;
+        part.first = shared->first;
+    } else if (part.position.count > glb->limits->vertices - glb->vertices) {
+        return problem_set(glb->reterr, PROBLEM_TOO_LARGE, "more than %zu vertices, the limit",
+                           glb->limits->vertices);
+    } else {
+        glb->vertices += part.position.count;
+    }
+    if (part.index.count / 3 > glb->limits->triangles - glb->corners / 3)
+        return problem_set(glb->reterr, PROBLEM_TOO_LARGE, "more than %zu triangles, the limit",
+                           glb->limits->triangles);
+    glb->corners += part.index.count;
+    glb->pattern = (glb->parts == 0 || glb->pattern) && part.uv.data != NULL;
+    glb->part[glb->parts++] = part;
+    return 0;
+}
+
+static int add_mesh(struct glb *glb, int64_t index, const struct transform *place)
+{
+    const json_t *primitives = json_object_get(get_item(glb, "meshes", index), "primitives");
+    if (json_array_size(primitives) == 0)
+        return refuse(glb, "mesh %lld is missing or has no primitives", (long long)index);
+    for (size_t i = 0; i < json_array_size(primitives); i++)
+        if (add_part(glb, json_array_get(primitives, i), place) != 0)
+            return -1;
+    glb->instances++;
+    return 0;
+}
+
+static int add_node(struct glb *glb, size_t n)
+{
+    const json_t *node = get_item(glb, "nodes", (int64_t)n);
+    if (!glb->placed[n] || json_object_get(node, "mesh") == NULL)
+        return 0;
+    struct transform place = glb->place[n];
+    if (json_object_get(node, "skin") != NULL &&
+        read_skin(glb, n, get_natural(node, "skin", -1), &place) != 0)
+        return -1;
+    return add_mesh(glb, get_natural(node, "mesh", -1), &place);
+}
+
+/* A file without nodes is a library of meshes: all are taken, as they are. */
+static int add_parts(struct glb *glb)
+{
+    for (size_t n = 0; n < glb->nodes; n++)
+        if (add_node(glb, n) != 0)
+            return -1;
+    for (size_t i = 0; glb->nodes == 0 && i < json_array_size(json_object_get(glb->json.root, "meshes")); i++)
+        if (add_mesh(glb, (int64_t)i, &IDENTITY) != 0)
+            return -1;
+    return glb->parts > 0 ? 0 : refuse(glb, "there is no mesh in the scene");
+}
+
+static int fill_triangles(struct glb *glb, const struct part *part, struct mesh *mesh)
+{
+    bool turned = mirrors(&part->place); /* 3.7.4: then the other side is the front */
+    uint32_t *t = mesh->triangle + 3 * mesh->triangles;
+    for (size_t i = 0; i < part->index.count; i++) {
+        uint32_t vertex = part->index.data ? get_index(&part->index, i) : (uint32_t)i;
+        if (vertex >= part->position.count)
+            return refuse(glb, "triangle %zu: %u is no vertex, there are %zu (counted from 0)", i / 3, vertex,
+                          part->position.count);
+        t[i - i % 3 + (turned ? 2 - i % 3 : i % 3)] = (uint32_t)part->first + vertex;
+    }
+    mesh->triangles += part->index.count / 3;
+    return 0;
+}
+
+static int fill_vertices(struct glb *glb, const struct part *part, struct mesh *mesh)
+{
+    double *x = mesh->positions + 3 * part->first;
+    if (read_numbers(glb, &part->position, 3, "POSITION", x) ||
+        (glb->pattern && read_numbers(glb, &part->uv, 2, "TEXCOORD_0", mesh->pattern + 2 * part->first)))
+        return -1;
+    for (size_t i = 0; i < part->position.count; i++) {
+        apply(&part->place, x + 3 * i, x + 3 * i);
+        if (!isfinite(x[3 * i]) || !isfinite(x[3 * i + 1]) || !isfinite(x[3 * i + 2]))
+            return refuse(glb, "vertex %zu is moved beyond all numbers", i);
+    }
+    return 0;
+}
+
+static int check_file(struct glb *glb)
+{
+    const json_t *root = glb->json.root;
+    glb->nodes = json_array_size(json_object_get(root, "nodes"));
+    if (json_array_size(json_object_get(root, "extensionsRequired")) > 0)
+        return refuse(glb, "the file needs an extension (compressed geometry?), none is read");
+    if (json_object_get(json_array_get(json_object_get(root, "buffers"), 0), "uri"))
+        return refuse(glb, "the buffer must be the file's own binary chunk");
+    if (glb->nodes > MAX_NODES)
+        return refuse(glb, "more than %d nodes", MAX_NODES);
+    glb->place = calloc(glb->nodes + 1, sizeof *glb->place);
+    glb->placed = calloc(glb->nodes + 1, sizeof *glb->placed);
+    glb->part = calloc(MAX_PARTS, sizeof *glb->part);
+    if (!glb->place || !glb->placed || !glb->part)
+        return problem_set(glb->reterr, PROBLEM_INTERNAL, "out of memory");
+    return 0;
+}
+
+static int read_mesh(struct glb *glb, struct mesh *ret)
+{
+    if (check_file(glb) || place_nodes(glb) || add_parts(glb) ||
+        mesh_alloc(ret, glb->vertices, glb->corners / 3, glb->pattern, glb->limits, glb->reterr))
+        return -1;
+    ret->triangles = 0; /* counted up again as they are read */
+    for (size_t i = 0; i < glb->parts; i++) {
+        const struct part *part = &glb->part[i];
+        if ((!part->shared && fill_vertices(glb, part, ret) != 0) || fill_triangles(glb, part, ret) != 0)
+            return -1;
+    }
+    return 0;
 }
 
 int glb_parse(const void *data, size_t bytes, const struct limits *limits, struct mesh *ret,
               struct problem *reterr)
 {
-    struct glb glb = {.reterr = reterr};
+    struct glb glb = {.limits = limits, .reterr = reterr};
     int rc = -1;
     if (read_chunks(&glb, data, bytes, limits) == 0)
-        rc = read_mesh(&glb, limits, ret);
+        rc = read_mesh(&glb, ret);
     jsontext_done(&glb.json);
+    free(glb.place);
+    free(glb.placed);
+    free(glb.part);
     return rc;
 }
 

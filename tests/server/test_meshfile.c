@@ -443,15 +443,43 @@ static void test_glb__what_cannot_be_read_is_refused_by_name(void **state)
     static const struct {
         const char *document, *what;
     } CASE[] = {
-        {ASSET BUFFERS VIEWS ACCESSORS "\"meshes\":[]}", "exactly one mesh"},
+        {ASSET BUFFERS VIEWS ACCESSORS "\"meshes\":[]}", "there is no mesh"},
         {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"extensionsRequired\":[\"KHR_draco_mesh_compression\"]}",
          "needs an extension"},
-        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"translation\":[0,1,0]}]}",
-         "node 0 has a translation"},
         {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{},{\"mesh\":0,\"scale\":[1,1]}]}",
-         "node 1 has a scale"},
-        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"matrix\":[2,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}]}",
-         "node 0 has a matrix"},
+         "node 1: its scale is not of 3 numbers"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"matrix\":[1,0,0]}]}",
+         "node 0: its matrix is not of 16 numbers"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"rotation\":[0,0,0,2]}]}",
+         "node 0: its rotation is no unit quaternion"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"translation\":[0,\"x\",0]}]}",
+         "node 0: its translation is not of 3 numbers"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":1}]}", "mesh 1 is missing"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"children\":[1]}]}",
+         "node 0: 1 is no node, there are 1"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"scenes\":[{\"nodes\":[0,0]}],\"nodes\":[{\"mesh\":0}]}",
+         "node 0 is in the scene twice"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES
+         ",\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"children\":[1]},{\"children\":[0]}]}",
+         "node 0 is in the scene twice"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"scenes\":[{\"nodes\":[1]}],\"nodes\":[{\"mesh\":0}]}",
+         "the scene's node 1 does not exist"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"scenes\":[{\"nodes\":[1]}],\"nodes\":[{\"mesh\":0},{}]}",
+         "there is no mesh in the scene"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES
+         ",\"nodes\":[{\"mesh\":0,\"scale\":[1e308,1e308,1e308],\"translation\":[1e308,1e308,1e308]}]}",
+         "vertex 1 is moved beyond all numbers"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES
+         ",\"skins\":[{\"joints\":[1,2]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{},{\"translation\":[0,1,0]}]}",
+         "node 0 is in another posture"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES
+         ",\"skins\":[{\"joints\":[3]}],\"nodes\":[{\"mesh\":0,\"skin\":0}]}",
+         "joint 3 of its skin is not in the scene"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"skin\":0}]}",
+         "node 0: its skin has no joints"},
+        {ASSET BUFFERS VIEWS ACCESSORS MESHES
+         ",\"skins\":[{\"joints\":[0],\"inverseBindMatrices\":0}],\"nodes\":[{\"mesh\":0,\"skin\":0}]}",
+         "inverseBindMatrices: accessor 0 is missing or not of type MAT4"},
         {ASSET "\"buffers\":[{\"byteLength\":66,\"uri\":\"a.bin\"}]," VIEWS ACCESSORS MESHES "}",
          "own binary chunk"},
         {ASSET BUFFERS VIEWS ACCESSORS
@@ -503,6 +531,188 @@ static void test_glb__what_cannot_be_read_is_refused_by_name(void **state)
     size_t n = make_glb(ASSET BUFFERS VIEWS ACCESSORS MESHES "}", NULL, data);
     data[n - 4] = 3; /* the last index */
     expect_refusal(MESH_GLB, data, n, "triangle 0: 3 is no vertex");
+}
+
+/* ---- GLB scenes, as modelling programs write them ------------------------------------------------ */
+
+static struct mesh read_glb(const char *document)
+{
+    char *data = malloc(strlen(document) + 256);
+    struct mesh mesh = {0};
+    struct problem problem;
+    assert_non_null(data);
+    if (parse_bytes(MESH_GLB, data, make_glb(document, NULL, data), &mesh, &problem))
+        fail_msg("%s", problem.detail);
+    free(data);
+    return mesh;
+}
+
+static void assert_vertex(const struct mesh *mesh, size_t i, double x, double y, double z)
+{
+    assert_near(mesh->positions[3 * i], x, 1e-12, 1);
+    assert_near(mesh->positions[3 * i + 1], y, 1e-12, 1);
+    assert_near(mesh->positions[3 * i + 2], z, 1e-12, 1);
+}
+
+static void test_glb__nodes_scale_then_turn_then_move_and_their_parents_after_them(void **state)
+{
+    (void)state;
+    /* A quarter turn about y takes x to -z. */
+    struct mesh mesh = read_glb(
+        ASSET BUFFERS VIEWS ACCESSORS MESHES
+        ",\"scene\":1,\"scenes\":[{\"nodes\":[1]},{\"nodes\":[0]}],\"nodes\":[{\"translation\":[10,0,0],"
+        "\"rotation\":[0,0.7071067811865476,0,0.7071067811865476],\"scale\":[2,3,4],\"children\":[2]},{"
+        "\"mesh\":0},"
+        "{\"mesh\":0,\"matrix\":[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,5,1]}]}");
+    assert_int_equal(mesh.vertices, 3); /* the node of the other scene is not there */
+    assert_vertex(&mesh, 0, 30, 0, 0);
+    assert_vertex(&mesh, 1, 30, 0, -2);
+    assert_vertex(&mesh, 2, 30, 3, 0);
+    assert_close(mesh.pattern[5], 2, 0); /* the pattern is flat: nothing moves it */
+    mesh_done(&mesh);
+}
+
+static void test_glb__a_mirrored_node_keeps_its_front(void **state)
+{
+    (void)state;
+    struct mesh mesh =
+        read_glb(ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0,\"scale\":[-1,1,1]}]}");
+    static const uint32_t TURNED[3] = {2, 1, 0};
+    assert_memory_equal(mesh.triangle, TURNED, sizeof TURNED);
+    assert_vertex(&mesh, 1, -1, 0, 0);
+    mesh_done(&mesh);
+}
+
+static void test_glb__primitives_and_meshes_are_taken_one_after_the_other(void **state)
+{
+    (void)state;
+    /* Two primitives of the same vertices, a mesh without indices and pattern, which two nodes show. */
+    struct mesh mesh = read_glb(
+        ASSET BUFFERS VIEWS ACCESSORS
+        "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1},\"indices\":2},"
+        "{\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1},\"indices\":2}]},"
+        "{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}],"
+        "\"nodes\":[{\"mesh\":0},{\"mesh\":1,\"translation\":[0,0,7]},{\"mesh\":1},{\"camera\":0}]}");
+    static const uint32_t TRIANGLES[12] = {0, 1, 2, 0, 1, 2, 3, 4, 5, 6, 7, 8};
+    assert_int_equal(mesh.vertices, 9);
+    assert_int_equal(mesh.triangles, 4);
+    assert_memory_equal(mesh.triangle, TRIANGLES, sizeof TRIANGLES);
+    assert_vertex(&mesh, 4, 1, 0, 7);
+    assert_vertex(&mesh, 7, 1, 0, 0);
+    assert_null(mesh.pattern); /* not all have one */
+    mesh_done(&mesh);
+}
+
+static void test_glb__meshes_without_nodes_are_taken_as_they_are(void **state)
+{
+    (void)state;
+    struct mesh mesh =
+        read_glb(ASSET BUFFERS VIEWS ACCESSORS
+                 "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"indices\":2}]},"
+                 "{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}]}");
+    assert_int_equal(mesh.vertices, 6);
+    assert_int_equal(mesh.triangle[5], 5);
+    mesh_done(&mesh);
+}
+
+static void test_glb__a_skin_as_it_was_bound_moves_the_mesh_whole(void **state)
+{
+    (void)state;
+    /* Both joints went 3 m up: so did the mesh, wherever its own node is. */
+    struct mesh mesh =
+        read_glb(ASSET BUFFERS VIEWS ACCESSORS MESHES
+                 ",\"skins\":[{\"joints\":[1,2]}],\"nodes\":[{\"mesh\":0,\"skin\":0,\"translation\":[9,9,9]},"
+                 "{\"translation\":[0,3,0],\"children\":[2]},{\"scale\":[1,1,1]}]}");
+    assert_vertex(&mesh, 1, 1, 3, 0);
+    mesh_done(&mesh);
+}
+
+static void test_glb__views_may_be_interleaved_and_patterns_short(void **state)
+{
+    (void)state;
+    /* x y z as floats and u v as shorts that stand for 0 to 1: 16 bytes a vertex. */
+    char bin[68] = {0};
+    static const float X[3][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    static const uint16_t UV[3][2] = {{0, 0}, {65535, 0}, {0, 13107}};
+    for (size_t i = 0; i < 3; i++) {
+        memcpy(bin + 16 * i, X[i], 12);
+        memcpy(bin + 16 * i + 12, UV[i], 4);
+    }
+    char data[2048];
+    struct mesh mesh = {0};
+    struct problem problem;
+    size_t n =
+        make_glb(ASSET BUFFERS
+                 "\"bufferViews\":[{\"buffer\":0,\"byteLength\":48,\"byteStride\":16}],"
+                 "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"},"
+                 "{\"bufferView\":0,\"byteOffset\":12,\"componentType\":5123,\"normalized\":true,\"count\":3,"
+                 "\"type\":\"VEC2\"}],"
+                 "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1}}]}]}",
+                 bin, data);
+    if (parse_bytes(MESH_GLB, data, n, &mesh, &problem))
+        fail_msg("%s", problem.detail);
+    assert_vertex(&mesh, 2, 0, 1, 0);
+    assert_close(mesh.pattern[2], 1, 0);
+    assert_close(mesh.pattern[5], 0.2, 0);
+    mesh_done(&mesh);
+}
+
+/* A document whose list at %s has `n` of `item`, with commas between. */
+static char *repeat(const char *before, const char *item, size_t n, const char *after)
+{
+    char *text = NULL;
+    size_t bytes;
+    FILE *file = open_memstream(&text, &bytes);
+    assert_non_null(file);
+    fputs(before, file);
+    for (size_t i = 0; i < n; i++)
+        fprintf(file, "%s%s", i > 0 ? "," : "", item);
+    fputs(after, file);
+    fclose(file);
+    return text;
+}
+
+/* The document is read when it has `n` items and refused as `what` with one more. */
+static void expect_limit(const char *before, const char *item, size_t n, const char *after, const char *what)
+{
+    char *text = repeat(before, item, n, after);
+    struct mesh mesh = read_glb(text);
+    mesh_done(&mesh);
+    free(text);
+    text = repeat(before, item, n + 1, after);
+    char *data = malloc(strlen(text) + 256);
+    assert_non_null(data);
+    expect_refusal(MESH_GLB, data, make_glb(text, NULL, data), what);
+    free(data);
+    free(text);
+}
+
+static void test_glb__nodes_primitives_and_depth_have_their_limits(void **state)
+{
+    (void)state;
+    expect_limit(ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[{\"mesh\":0},", "{}", 4095, "]}",
+                 "more than 4096 nodes");
+    expect_limit(ASSET BUFFERS VIEWS ACCESSORS "\"meshes\":[{\"primitives\":[",
+                 "{\"attributes\":{\"POSITION\":0}}", 256, "]}]}", "more than 256 primitives");
+    for (size_t depth = 128; depth <= 129; depth++) { /* node i has child i + 1, and the last the mesh */
+        char *nodes = NULL, data[8192];
+        size_t bytes;
+        FILE *file = open_memstream(&nodes, &bytes);
+        assert_non_null(file);
+        fputs(ASSET BUFFERS VIEWS ACCESSORS MESHES ",\"nodes\":[", file);
+        for (size_t i = 1; i < depth; i++)
+            fprintf(file, "{\"children\":[%zu]},", i);
+        fputs("{\"mesh\":0}]}", file);
+        fclose(file);
+        struct mesh mesh = {0};
+        struct problem problem;
+        assert_int_equal(parse_bytes(MESH_GLB, data, make_glb(nodes, NULL, data), &mesh, &problem),
+                         depth == 128 ? 0 : -1);
+        if (depth == 129)
+            assert_non_null(strstr(problem.detail, "nested deeper than 128"));
+        mesh_done(&mesh);
+        free(nodes);
+    }
 }
 
 /* ---- JSON -------------------------------------------------------------------------------------- */
@@ -558,6 +768,54 @@ static int write_ply(FILE *file, const struct mesh *mesh, const double *normals)
     return meshfile_write_ply(file, mesh, normals, NULL);
 }
 
+static int write_json(FILE *file, const struct mesh *mesh, const double *normals)
+{
+    (void)normals;
+    return meshfile_write_json(file, mesh);
+}
+
+/* From each format to each: a number that was printed once is printed the same for ever. */
+static void test_meshfile__a_mesh_goes_through_every_format_unchanged(void **state)
+{
+    (void)state;
+    for (int via = 0; via < MESH_FORMATS; via++)
+        for (int pattern = 0; pattern < 2; pattern++) {
+            struct mesh mesh = make_strip(10), back = {0};
+            struct problem problem;
+            char *first = NULL, *second = NULL;
+            size_t first_bytes, second_bytes;
+            if (!pattern) {
+                free(mesh.pattern);
+                mesh.pattern = NULL;
+            }
+            for (size_t i = 0; i < 3 * mesh.vertices; i++)
+                mesh.positions[i] =
+                    (double)(float)mesh.positions[i] + 0; /* as PLY and GLB hold them; no -0 */
+            for (size_t i = 0; pattern && i < 2 * mesh.vertices; i++)
+                mesh.pattern[i] = (double)(float)mesh.pattern[i];
+            FILE *file = open_memstream(&first, &first_bytes);
+            assert_int_equal(meshfile_write((enum mesh_format)via, file, &mesh), 0);
+            fclose(file);
+            if (parse_bytes((enum mesh_format)via, first, first_bytes, &back, &problem))
+                fail_msg("%s", problem.detail);
+            file = open_memstream(&second, &second_bytes);
+            assert_int_equal(meshfile_write((enum mesh_format)via, file, &back), 0);
+            fclose(file);
+            assert_int_equal(first_bytes, second_bytes);
+            assert_memory_equal(first, second, first_bytes);
+            /* 9 digits or 32 bits: as floats nothing has changed. */
+            for (size_t i = 0; i < 3 * mesh.vertices; i++)
+                assert_true((float)mesh.positions[i] == (float)back.positions[i]);
+            for (size_t i = 0; pattern && i < 2 * mesh.vertices; i++)
+                assert_true((float)mesh.pattern[i] == (float)back.pattern[i]);
+            assert_memory_equal(mesh.triangle, back.triangle, 3 * mesh.triangles * sizeof *mesh.triangle);
+            mesh_done(&mesh);
+            mesh_done(&back);
+            free(first);
+            free(second);
+        }
+}
+
 static void test_meshfile__what_is_written_reads_back(void **state)
 {
     (void)state;
@@ -565,8 +823,10 @@ static void test_meshfile__what_is_written_reads_back(void **state)
         enum mesh_format format;
         write_fn *write;
         double tolerance;
-    } CASE[] = {
-        {MESH_OBJ, meshfile_write_obj, 1e-8}, {MESH_PLY, write_ply, 1e-7}, {MESH_GLB, write_glb, 1e-7}};
+    } CASE[] = {{MESH_OBJ, meshfile_write_obj, 1e-8},
+                {MESH_PLY, write_ply, 1e-7},
+                {MESH_GLB, write_glb, 1e-7},
+                {MESH_JSON, write_json, 1e-8}};
     for (size_t i = 0; i < COUNT(CASE); i++)
         for (int variant = 0; variant < 4; variant++) { /* with and without pattern and normals */
             struct mesh mesh = make_strip(10), back = {0};
@@ -595,7 +855,7 @@ static void test_meshfile__a_full_disk_shows(void **state)
 {
     (void)state;
     struct mesh mesh = make_strip(10000);
-    write_fn *const WRITE[] = {meshfile_write_obj, write_ply, write_glb};
+    write_fn *const WRITE[] = {meshfile_write_obj, write_ply, write_glb, write_json};
     for (size_t i = 0; i < COUNT(WRITE); i++) {
         FILE *file = fopen("/dev/full", "w");
         assert_non_null(file);
@@ -711,8 +971,16 @@ int main(void)
         cmocka_unit_test(test_glb__indexed_triangles_with_a_pattern_are_read),
         cmocka_unit_test(test_glb__every_cut_of_a_file_is_refused),
         cmocka_unit_test(test_glb__what_cannot_be_read_is_refused_by_name),
+        cmocka_unit_test(test_glb__nodes_scale_then_turn_then_move_and_their_parents_after_them),
+        cmocka_unit_test(test_glb__a_mirrored_node_keeps_its_front),
+        cmocka_unit_test(test_glb__primitives_and_meshes_are_taken_one_after_the_other),
+        cmocka_unit_test(test_glb__meshes_without_nodes_are_taken_as_they_are),
+        cmocka_unit_test(test_glb__a_skin_as_it_was_bound_moves_the_mesh_whole),
+        cmocka_unit_test(test_glb__views_may_be_interleaved_and_patterns_short),
+        cmocka_unit_test(test_glb__nodes_primitives_and_depth_have_their_limits),
         cmocka_unit_test(test_meshjson__arrays_are_read_with_and_without_a_pattern),
         cmocka_unit_test(test_meshfile__vertices_and_triangles_have_their_limits),
+        cmocka_unit_test(test_meshfile__a_mesh_goes_through_every_format_unchanged),
         cmocka_unit_test(test_meshfile__what_is_written_reads_back),
         cmocka_unit_test(test_meshfile__a_full_disk_shows),
         cmocka_unit_test(test_glb__written_file_keeps_the_rules_of_gltf),
