@@ -30,7 +30,7 @@ struct page {
     size_t bytes[CODINGS];
 };
 
-enum page_name { PAGE_ROOT = 0, PAGE_OPENAPI, PAGE_MATERIALS, PAGES };
+enum page_name { PAGE_OPENAPI = 0, PAGE_MATERIALS, PAGES };
 
 struct api { /* wired by main; outlives the listeners */
     const struct config *config;

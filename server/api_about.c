@@ -7,7 +7,9 @@
 #include "assets.h"
 #include "clock.h"
 #include "drape.h"
+#include "jsonout.h"
 #include "meshfile.h"
+#include "page.h"
 #include "represent.h"
 #include "schema.h"
 
@@ -60,25 +62,14 @@ void about_info(struct call *call)
     http_send(call->request, answer_json(200, json));
 }
 
-static const char root_page[] =
-    "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>draped</title>\n"
-    "<h1>draped</h1>\n<p>Finds how garments hang at rest.</p>\n<ul>\n"
-    "<li><a href=\"/openapi.json\">/openapi.json</a>: the interface</li>\n"
-    "<li><a href=\"/v1/info\">/v1/info</a>: version, limits, formats</li>\n"
-    "<li><a href=\"/v1/materials\">/v1/materials</a>: the fabrics known by name</li>\n"
-    "<li><a href=\"/v1/jobs\">/v1/jobs</a>: the jobs</li>\n</ul>\n</html>\n";
-
 int about_open(struct api *api)
 {
-    json_t *json = schema_materials_json();
-    char *materials = json == NULL ? NULL : json_dumps(json, JSON_COMPACT);
-    json_decref(json);
+    char *materials = jsonout_text(schema_materials_json());
     int failed =
         materials == NULL ||
         page_make("application/json", materials, strlen(materials), &api->page[PAGE_MATERIALS]) != 0 ||
         page_make("application/json", asset_openapi, (size_t)(asset_openapi_end - asset_openapi),
-                  &api->page[PAGE_OPENAPI]) != 0 ||
-        page_make("text/html; charset=utf-8", root_page, sizeof root_page - 1, &api->page[PAGE_ROOT]) != 0;
+                  &api->page[PAGE_OPENAPI]) != 0;
     free(materials);
     return failed ? -1 : 0;
 }
@@ -101,7 +92,19 @@ void about_openapi(struct call *call)
 
 void about_root(struct call *call)
 {
-    page_send(call, &call->api->page[PAGE_ROOT]);
+    const struct api *api = call->api;
+    struct page_facts facts = {.version = drape_version(),
+                               .counts = api->keys == NULL, /* how many others there are is nobody's business */
+                               .workers = api->config->workers,
+                               .streams = hub_followers(api->hub)};
+    queue_count(api->queue, &facts.queued, &facts.running);
+    struct http_answer *answer =
+        http_answer_text(200, "text/html; charset=utf-8",
+                         page_html(&facts, asset_openapi, (size_t)(asset_openapi_end - asset_openapi)));
+    http_answer_header(answer, "Cache-Control", "no-cache");
+    http_answer_header(answer, "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'");
+    http_answer_header(answer, "X-Content-Type-Options", "nosniff");
+    http_send(call->request, answer);
 }
 
 /* Alive is whoever can say so: asks nobody, least of all the store. */

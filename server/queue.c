@@ -692,6 +692,14 @@ struct queue *queue_free(struct queue *queue)
     return NULL;
 }
 
+void queue_count(struct queue *queue, size_t *ret_queued, size_t *ret_running)
+{
+    pthread_mutex_lock(&queue->lock);
+    *ret_queued = queue->queued;
+    *ret_running = queue->running;
+    pthread_mutex_unlock(&queue->lock);
+}
+
 void queue_reconsider(struct queue *queue)
 {
     pthread_mutex_lock(&queue->lock);

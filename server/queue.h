@@ -91,5 +91,6 @@ struct queue_counts {
 
 /* Sets the gauges of metrics.h that it knows, too. */
 void queue_measure(struct queue *queue, struct queue_counts *ret);
+void queue_count(struct queue *queue, size_t *ret_queued, size_t *ret_running);
 
 #endif

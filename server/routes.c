@@ -41,7 +41,7 @@ static const struct route route_table[] = {
     {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, about_materials},
     {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, about_info},
     {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, about_openapi},
-    {ROUTES_API, "GET", "/", ON_LOOP, NO_BODY, about_root},
+    {ROUTES_API, "GET", "/", ON_CLERK, NO_BODY, about_root},
     {ROUTES_ADMIN, "GET", "/livez", ON_LOOP, NO_BODY, admin_livez},
     {ROUTES_ADMIN, "GET", "/readyz", ON_LOOP, NO_BODY, admin_readyz},
     {ROUTES_ADMIN, "GET", "/metrics", ON_LOOP, NO_BODY, admin_metrics},

@@ -1,0 +1,19 @@
+/* page.h - the page at /: what this is, how the queue stands, and the interface as a table. */
+#ifndef DRAPED_PAGE_H
+#define DRAPED_PAGE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+struct page_facts {
+    const char *version;
+    bool counts; /* whether to tell the four below */
+    size_t queued, running;
+    unsigned workers, streams;
+};
+
+/* HTML without scripts, malloc'd; the table lists the operations of the OpenAPI document. NULL when out of
+ * memory. */
+char *page_html(const struct page_facts *facts, const char *openapi, size_t openapi_bytes);
+
+#endif
