@@ -5,6 +5,8 @@
  * the contract has and this version cannot do is refused at its place, never passed over. */
 #include "schema.h"
 
+#include "weld.h"
+
 #include <float.h>
 #include <math.h>
 #include <stdarg.h>
@@ -895,9 +897,12 @@ static int read_body(struct reader *r, const json_t *object, const char *pointer
     if (check_object(r, object, pointer, MEMBERS) ||
         get_number(r, object, pointer, "friction", &FRICTION, &ret->friction) ||
         get_number(r, object, pointer, "offset", &POSITIVE, &ret->offset) ||
-        read_body_shape(r, object, pointer, mesh, ret))
+        read_body_shape(r, object, pointer, mesh, ret) || read_motion(r, object, pointer, motion, ret))
         return -1;
-    return read_motion(r, object, pointer, motion, ret);
+    /* After the postures, whose triangles must be those that were sent. */
+    if (ret->kind == DRAPE_BODY_MESH && weld_body(mesh) != 0)
+        return out_of_memory(r);
+    return 0;
 }
 
 static int read_bodies(struct reader *r, const json_t *root)

@@ -814,6 +814,24 @@ static char *moving_often(size_t count)
     return text;
 }
 
+/* A tetrahedron as modelling programs export it, each face with corners of its own, and moved. */
+#define SPLIT           "[0,0,0, 0,1,0, 1,0,0, 0,0,0, 1,0,0, 0,0,1, 0,0,0, 0,0,1, 0,1,0, 1,0,0, 0,1,0, 0,0,1]"
+#define SPLIT_UP        "[0,1,0, 0,2,0, 1,1,0, 0,1,0, 1,1,0, 0,1,1, 0,1,0, 0,1,1, 0,2,0, 1,1,0, 0,2,0, 0,1,1]"
+#define SPLIT_TRIANGLES "[0,1,2,3,4,5,6,7,8,9,10,11]"
+
+static void test_schema__a_body_with_split_vertices_is_whole(void **state)
+{
+    (void)state;
+    struct job_spec *spec = parse_with(
+        "/bodies/0",
+        "{\"mesh\": {\"positions\": " SPLIT ", \"triangles\": " SPLIT_TRIANGLES "}, \"motion\": ["
+        "{\"positions\": " SPLIT_UP ", \"triangles\": " SPLIT_TRIANGLES "}, {\"positions\": " SPLIT "}]}");
+    static const uint32_t WELDED[12] = {0, 1, 2, 0, 2, 5, 0, 5, 1, 2, 1, 5};
+    assert_memory_equal(spec->body[0].triangle, WELDED, sizeof WELDED);
+    assert_int_equal(spec->body[0].keyframes, 2);
+    job_spec_free(spec);
+}
+
 static void test_schema__what_is_no_motion_is_refused_at_its_place(void **state)
 {
     (void)state;
@@ -1384,6 +1402,7 @@ int main(void)
         cmocka_unit_test(test_schema__uploaded_meshes_are_loaded_by_hash),
         cmocka_unit_test(test_schema__wrong_values_are_refused_at_their_place),
         cmocka_unit_test(test_schema__motion_is_read),
+        cmocka_unit_test(test_schema__a_body_with_split_vertices_is_whole),
         cmocka_unit_test(test_schema__what_is_no_motion_is_refused_at_its_place),
         cmocka_unit_test(test_schema__what_the_solver_refuses_is_refused_at_its_place),
         cmocka_unit_test(test_schema__mesh_of_a_hash_is_at_fault_at_its_hash),
