@@ -32,7 +32,9 @@ static int take_field(struct sse *sse, const char *field, const char *value)
     if (strcmp(field, "event") == 0) {
         snprintf(sse->name, sizeof sse->name, "%s", value);
     } else if (strcmp(field, "id") == 0) {
-        snprintf(sse->id, sizeof sse->id, "%s", value);
+        if (bytes < sizeof sse->id) { /* cut short it would name another event; without it some come twice */
+            memcpy(sse->id, value, bytes + 1);
+        }
     } else if (strcmp(field, "data") == 0) {
         if (bytes + 1 > sizeof sse->data - sse->data_bytes) {
             return -1;

@@ -123,4 +123,19 @@ curl -sN --max-time 30 "$url/v1/jobs/$id/events" >"$work/stream" & stream=$!
 wait_for "$id" running
 stop_daemon; is 'SIGTERM with a stream open ends the daemon with status 0' "$status" 0
 wait $stream; is 'and ends the stream in order' "$?" 0
+
+# ---- our own client, through a daemon that is killed and comes back
+start_daemon --workers 1
+endless 24 ' | .solver.max_iterations = 400' >"$work/job"
+submit "$work/job"
+DRAPED_URL=$url "$DRAPE" watch "$id" --json >"$work/lines" 2>"$work/said" & watcher=$!
+for ((i = 0; i < 400; i++)); do grep -q '"event":"progress"' "$work/lines" && break; sleep 0.05; done
+kill_daemon
+start_daemon --workers 1 --listen "${url#http://}"
+wait $watcher; is 'drape watch goes on to the end' "$?" 5 # not at rest: so the job was made
+jq -s . "$work/lines" >"$work/events"
+json 'no event came twice, and none out of order' '[.[] | select(.event) | .id | split(".") | map(tonumber)] | length > 2 and . == unique' "$work/events"
+json 'the second attempt was seen' 'any(.[] | select(.event); .id | startswith("2."))' "$work/events"
+json 'and the end, once' '[.[] | select(.event == "end")] | length == 1' "$work/events"
+stop_daemon; is 'the daemon stops with status 0' "$status" 0
 finish

@@ -61,6 +61,22 @@ static void test_sse__restart_drops_half_an_event_and_its_id(void **state)
     free(sse);
 }
 
+static void test_sse__an_id_too_long_to_keep_is_not_cut_short(void **state)
+{
+    struct log log;
+    struct sse *sse = new_parser(&log);
+    char text[SSE_ID_SIZE + 64];
+    (void)state;
+    for (int over = 0; over < 2; over++) {
+        int digits = SSE_ID_SIZE - 1 + over;
+        int n = snprintf(text, sizeof text, "id: %0*d\ndata: x\n\n", digits, 5);
+        assert_int_equal(sse_feed(sse, text, (size_t)n), 0);
+        assert_int_equal(strlen(sse->last_id), SSE_ID_SIZE - 1); /* the second leaves the first in place */
+        assert_int_equal(sse->last_id[SSE_ID_SIZE - 2], '5');
+    }
+    free(sse);
+}
+
 static void test_sse__ends_when_asked_and_when_a_line_never_ends(void **state)
 {
     struct log log;
@@ -89,6 +105,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sse__reads_a_stream_cut_anywhere),
         cmocka_unit_test(test_sse__restart_drops_half_an_event_and_its_id),
+        cmocka_unit_test(test_sse__an_id_too_long_to_keep_is_not_cut_short),
         cmocka_unit_test(test_sse__ends_when_asked_and_when_a_line_never_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

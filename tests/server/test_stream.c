@@ -1,6 +1,8 @@
 /* test_stream.c - what a follower is given: order, numbers, resuming, heartbeats, the end. */
 #include "test.h"
 
+#include <pthread.h>
+
 #include "clock.h"
 #include "stream.h"
 
@@ -30,7 +32,7 @@ static int rig_free(void **state)
 
 static void on_wake(void *data)
 {
-    ((struct rig *)data)->wakes++;
+    ((struct rig *)data)->wakes++; /* under the hub's lock */
 }
 
 static struct revision at(uint32_t attempt, uint32_t counter)
@@ -397,6 +399,57 @@ static void test_stream__lists_of_ids_that_are_none_say_nothing(void **state)
     }
 }
 
+#define RACE_EVENTS 3000
+
+static void *publish_many(void *data)
+{
+    struct stream *stream = data;
+    for (uint32_t i = 2; i < RACE_EVENTS; i++)
+        stream_publish(stream, i % 5 == 0 ? STREAM_STATE : STREAM_PROGRESS, at(1, i), "1");
+    stream_publish(stream, STREAM_END, at(1, RACE_EVENTS), "1");
+    stream_retire(stream, job(1));
+    return NULL;
+}
+
+static void *come_and_go(void *data)
+{
+    struct rig *rig = data;
+    char text[256];
+    for (int i = 0; i < 300; i++) {
+        struct follower *f = NULL;
+        if (follower_new(rig->hub, "", 1, true, NULL, NULL, &f) != 0)
+            continue;
+        /* The caller holds the rig's stream, so it is there, whatever becomes of its job. */
+        assert_int_equal(follower_add(f, job(1), rig->stream, at(1, 1), at(1, 1), "1"), 0);
+        for (int pulls = 0; pulls < 20 && follower_pull(f, text, sizeof text) >= 0;)
+            pulls++;
+        follower_free(f);
+        hub_tick(rig->hub, clock_monotonic_ms());
+    }
+    return NULL;
+}
+
+/* Its point is ThreadSanitizer's: publishing, pulling, leaving and retiring at once. */
+static void test_stream__publishers_followers_and_the_clock_do_not_collide(void **state)
+{
+    struct rig *rig = *state;
+    pthread_t publisher, visitor[2];
+    char text[4096];
+    struct stream *stream = rig->stream;
+    struct follower *holder = new_follower(rig, 1, false);
+    assert_int_equal(follower_add(holder, job(1), stream, at(1, 1), at(1, 1), "1"), 0);
+    assert_int_equal(pthread_create(&publisher, NULL, publish_many, stream), 0);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(pthread_create(&visitor[i], NULL, come_and_go, rig), 0);
+    for (int i = 0; i < 2; i++)
+        pthread_join(visitor[i], NULL);
+    pthread_join(publisher, NULL);
+    assert_int_equal(pull_all(holder, text), -1);
+    assert_non_null(strstr(text, "event: end"));
+    follower_free(holder);
+    rig->stream = NULL; /* the hub has it, or let it go */
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, rig_new, rig_free)
@@ -418,6 +471,7 @@ int main(void)
         TEST(test_stream__several_jobs_are_resumed_each_where_it_was),
         TEST(test_stream__who_has_seen_every_end_is_told_nothing),
         TEST(test_stream__a_job_with_much_to_say_does_not_silence_the_others),
+        TEST(test_stream__publishers_followers_and_the_clock_do_not_collide),
         TEST(test_stream__lists_of_ids_that_are_none_say_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
