@@ -301,7 +301,7 @@ static bool mirrors(const struct transform *t)
 /* A node's own transform. */
 static int read_transform(struct glb *glb, const json_t *node, size_t n, struct transform *ret)
 {
-    double matrix[16], move[3] = {0, 0, 0}, turn[4] = {0, 0, 0, 1}, scale[3] = {1, 1, 1};
+    double matrix[16] = {0}, move[3] = {0, 0, 0}, turn[4] = {0, 0, 0, 1}, scale[3] = {1, 1, 1};
     int given = get_numbers(glb, node, "matrix", n, 16, matrix);
     if (given < 0 || get_numbers(glb, node, "translation", n, 3, move) < 0 ||
         get_numbers(glb, node, "rotation", n, 4, turn) < 0 ||
@@ -394,7 +394,7 @@ static int read_skin(struct glb *glb, size_t n, int64_t index, struct transform 
     if (bound.data != NULL && (bound.component != GL_FLOAT || bound.count < joints.count))
         return refuse(glb, "node %zu: its skin has too few inverseBindMatrices, or none of floats", n);
     for (size_t i = 0; i < joints.count; i++) {
-        double joint = joints.value[i], matrix[16];
+        double joint = joints.value[i], matrix[16] = {0};
         struct transform way, back = IDENTITY;
         if (!(joint >= 0 && joint < (double)glb->nodes) || joint != floor(joint) ||
             !glb->placed[(size_t)joint])

@@ -73,16 +73,26 @@ static void put_operation(FILE *out, const char *path, const char *method, const
     fputs("</td></tr>\n", out);
 }
 
-static void put_operations(FILE *out, const json_t *openapi)
+/* The operations of one path. */
+static void put_path(FILE *out, const char *path, json_t *operations)
 {
-    const char *path, *method;
-    json_t *operations, *operation;
-    json_object_foreach(json_object_get(openapi, "paths"), path, operations)
-        json_object_foreach(operations, method, operation)
+    const char *method;
+    json_t *operation;
+    json_object_foreach(operations, method, operation)
     {
         const char *summary = json_string_value(json_object_get(operation, "summary"));
         if (summary != NULL)
             put_operation(out, path, method, summary);
+    }
+}
+
+static void put_paths(FILE *out, const json_t *openapi)
+{
+    const char *path;
+    json_t *operations;
+    json_object_foreach(json_object_get(openapi, "paths"), path, operations)
+    {
+        put_path(out, path, operations);
     }
 }
 
@@ -109,7 +119,7 @@ char *page_html(const struct page_facts *facts, const char *openapi, size_t open
         fputs("</dl>\n", out);
     }
     fputs(documents, out);
-    put_operations(out, document);
+    put_paths(out, document);
     fputs("</table>\n<p>Version ", out);
     put_escaped(out, facts->version);
     fputs("</p>\n</body>\n</html>\n", out);

@@ -20,6 +20,8 @@ like 'caches are asked not to store' "$(header cache-control)" 'no-store'
 as_json "$work/stream" >"$work/events"
 json 'the first event is the state' '.[0].event == "state"' "$work/events"
 json 'then there is progress' 'any(.[]; .event == "progress")' "$work/events"
+json 'and tells what can still be gained' 'all(.[] | select(.event == "progress"); .data.progress | has("residual_energy"))' "$work/events"
+is 'a browser is told when to come back' "$(head -n 1 "$work/stream")" 'retry: 3000'
 json 'the last event is the end' '.[-1].event == "end" and ([.[] | select(.event == "end")] | length == 1)' "$work/events"
 json 'there are no other kinds' 'all(.[]; .event | IN("state", "progress", "end"))' "$work/events"
 json 'ids are revisions and rise' '[.[].id | split(".") | map(tonumber)] | . == (unique) and length > 2' "$work/events"
@@ -126,6 +128,8 @@ wait $stream; is 'and ends the stream in order' "$?" 0
 
 # ---- our own client, through a daemon that is killed and comes back
 start_daemon --workers 1
+request DELETE "/v1/jobs/$id" # of the daemon before
+wait_for "$id" canceled
 endless 24 ' | .solver.max_iterations = 400' >"$work/job"
 submit "$work/job"
 DRAPED_URL=$url "$DRAPE" watch "$id" --json >"$work/lines" 2>"$work/said" & watcher=$!
