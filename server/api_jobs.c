@@ -181,11 +181,14 @@ static int accept_job(struct call *call, struct store_submission *submission, ch
     struct meshref meshref = {api->store, call->owner, &api->config->limits, &meshes};
     struct job_spec *spec = NULL;
     struct job job = {0};
+    char trace_id[TRACE_ID_SIZE];
     int failed = schema_job_parse(submission->document, submission->bytes, &api->config->limits, meshref_load,
                                   &meshref, &spec, reterr);
     if (!failed && (failed = fill_job(spec, &job)) != 0)
         problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     memcpy(job.owner, call->owner, sizeof job.owner);
+    traceparent_parse(http_header(call->request, "traceparent"), trace_id);
+    memcpy(job.trace_id, trace_id, sizeof job.trace_id);
     memcpy(ret_id, job.id, sizeof job.id);
     if (!failed && spec->start_from[0] != '\0')
         failed = start_keep(&meshref, ret_id, spec, reterr);
@@ -197,8 +200,8 @@ static int accept_job(struct call *call, struct store_submission *submission, ch
     job_done(&job);
     meshref_list_done(&meshes);
     if (!failed)
-        log_event(LOG_LEVEL_INFO, "job.accepted", "job=%s bytes=%zu request=%s", ret_id, submission->bytes,
-                  http_request_id(call->request));
+        log_event(LOG_LEVEL_INFO, "job.accepted", "job=%s bytes=%zu request=%s trace=%s", ret_id,
+                  submission->bytes, http_request_id(call->request), trace_id);
     return failed;
 }
 

@@ -69,7 +69,7 @@ static const char create_sql[] =
     " crashes INTEGER NOT NULL, cancel INTEGER NOT NULL, created_ms INTEGER NOT NULL,"
     " started_ms INTEGER NOT NULL, finished_ms INTEGER NOT NULL, name TEXT, labels TEXT, progress TEXT,"
     " report TEXT, error TEXT, warnings TEXT, owner TEXT NOT NULL, priority INTEGER NOT NULL,"
-    " memory INTEGER NOT NULL, bytes INTEGER NOT NULL);"
+    " memory INTEGER NOT NULL, trace_id TEXT NOT NULL, bytes INTEGER NOT NULL);"
     "CREATE INDEX job_status ON job(status, seq);"
     "CREATE TABLE gone(seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,"
     " at_ms INTEGER NOT NULL, owner TEXT NOT NULL);" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE INDICES
@@ -83,6 +83,7 @@ static const char *const upgrade_sql[SCHEMA_VERSION] = {
         "ALTER TABLE job ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
         "ALTER TABLE job ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;"
         "ALTER TABLE job ADD COLUMN memory INTEGER NOT NULL DEFAULT 0;"
+        "ALTER TABLE job ADD COLUMN trace_id TEXT NOT NULL DEFAULT '';"
         "ALTER TABLE job ADD COLUMN bytes INTEGER NOT NULL DEFAULT 0;"
         "ALTER TABLE gone ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
         "ALTER TABLE mesh RENAME TO mesh_2;" MESH_TABLE JOB_MESH_TABLE IDEMPOTENCY_TABLE
@@ -96,16 +97,17 @@ static const char *const upgrade_sql[SCHEMA_VERSION] = {
 
 /* Parameters are numbered as bind_job gives them: id 1, attempt 2, counter 3, status 4, verdict 5,
  * started 6, finished 7, progress 8, report 9, error 10, crashes 11, cancel 12, created 13, name 14,
- * labels 15, warnings 16, owner 17, priority 18, memory 19; store.c adds the bytes: 20, and 11 when a job
- * ends. */
+ * labels 15, warnings 16, owner 17, priority 18, memory 19, trace 20; store.c adds the bytes: 21, and 11 when
+ * a job ends. */
 static const char *const sql_text[STATEMENTS] = {
     [SQL_BEGIN] = "BEGIN IMMEDIATE",
     [SQL_COMMIT] = "COMMIT",
     [SQL_ROLLBACK] = "ROLLBACK",
     [SQL_ASK] = "SELECT count(*) FROM (SELECT 1 FROM sqlite_schema LIMIT 1)",
-    [SQL_JOB_ADD] = "INSERT INTO job(id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,"
-                    "finished_ms,name,labels,progress,report,error,warnings,owner,priority,memory,bytes)"
-                    " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16,?17,?18,?19,?20)",
+    [SQL_JOB_ADD] =
+        "INSERT INTO job(id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,"
+        "finished_ms,name,labels,progress,report,error,warnings,owner,priority,memory,trace_id,bytes)"
+        " VALUES(?1,?4,?5,?2,?3,?11,?12,?13,?6,?7,?14,?15,?8,?9,?10,?16,?17,?18,?19,?20,?21)",
     [SQL_JOB_START] = "UPDATE job SET status='running',counter=?3,started_ms=?6"
                       " WHERE id=?1 AND status='queued' AND attempt=?2",
     [SQL_JOB_CANCEL_QUEUED] = "UPDATE job SET status='canceled',counter=?3,finished_ms=?7,cancel=1"

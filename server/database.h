@@ -27,7 +27,7 @@ struct metrics;
 
 #define JOB_COLUMNS                                                                                          \
     "seq,id,status,verdict,attempt,counter,crashes,cancel,created_ms,started_ms,finished_ms,"                \
-    "name,labels,progress,report,error,warnings,owner,priority,memory"
+    "name,labels,progress,report,error,warnings,owner,priority,memory,trace_id"
 
 enum statement {
     SQL_BEGIN = 0,

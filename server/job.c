@@ -161,6 +161,10 @@ static void write_members(FILE *out, const struct job *job, size_t position)
     else
         fputs(",\"verdict\":null", out);
     fprintf(out, ",\"revision\":\"%s\",\"attempt\":%" PRIu32, revision, job->revision.attempt);
+    if (job->trace_id[0] != '\0')
+        fprintf(out, ",\"trace_id\":\"%s\"", job->trace_id);
+    else
+        fputs(",\"trace_id\":null", out);
     write_time(out, "created_at", job->created_ms);
     write_time(out, "started_at", job->started_ms);
     write_time(out, "finished_at", job->finished_ms);

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "id.h"
+#include "traceparent.h"
 #include "keys.h"
 
 enum job_status { JOB_QUEUED = 0, JOB_RUNNING, JOB_SUCCEEDED, JOB_FAILED, JOB_CANCELED, JOB_STATUSES };
@@ -37,9 +38,10 @@ const char *job_priority_name(int priority); /* "normal"; any other number count
 
 struct job { /* owns its texts; zero-initialise; job_done empties it */
     char id[ID_SIZE];
-    char owner[KEY_NAME_SIZE]; /* the key that posted it; "": none was needed */
-    int priority;              /* enum job_priority */
-    uint64_t memory;           /* bytes that its solve is expected to need; 0: not known */
+    char owner[KEY_NAME_SIZE];    /* the key that posted it; "": none was needed */
+    char trace_id[TRACE_ID_SIZE]; /* of the request that posted it; "": none */
+    int priority;                 /* enum job_priority */
+    uint64_t memory;              /* bytes that its solve is expected to need; 0: not known */
     enum job_status status;
     char verdict[JOB_VERDICT_SIZE]; /* "": none yet */
     struct revision revision;

@@ -317,9 +317,9 @@ static void finish_job(struct queue *queue, struct item *item, struct solve_outc
     if (!failed)
         failed = commit_end(queue, &end);
     log_event(LOG_LEVEL_INFO, "job.ended",
-              "job=%s attempt=%u status=%s verdict=%s iterations=%u committed=%d", end.id,
+              "job=%s attempt=%u status=%s verdict=%s iterations=%u committed=%d trace=%s", end.id,
               end.revision.attempt, job_status_name(status), end.verdict[0] ? end.verdict : "-",
-              outcome->iterations, !failed);
+              outcome->iterations, !failed, end.trace_id);
     pthread_mutex_lock(&queue->lock);
     if (!failed) {
         item->job.status = status;

@@ -73,7 +73,7 @@ static sqlite3_stmt *bind_job(struct db *db, enum statement which, const struct 
         sqlite3_bind_int64(s, 7, job->finished_ms);
     for (int i = 0; i < 3 && count >= 8 + i; i++)
         bind_text(s, 8 + i, text[i]);
-    if (count < 19)
+    if (count < 20)
         return s;
     sqlite3_bind_int64(s, 11, job->crashes);
     sqlite3_bind_int64(s, 12, job->cancel);
@@ -84,6 +84,7 @@ static sqlite3_stmt *bind_job(struct db *db, enum statement which, const struct 
     bind_text(s, 17, job->owner);
     sqlite3_bind_int(s, 18, job->priority);
     sqlite3_bind_int64(s, 19, (int64_t)job->memory);
+    bind_text(s, 20, job->trace_id);
     return s;
 }
 
@@ -133,12 +134,14 @@ static int read_job(sqlite3_stmt *s, struct job *ret, int64_t *ret_seq)
     const char *status = (const char *)sqlite3_column_text(s, 2);
     const char *verdict = (const char *)sqlite3_column_text(s, 3);
     const char *owner = (const char *)sqlite3_column_text(s, 17);
+    const char *trace_id = (const char *)sqlite3_column_text(s, 20);
     int number = status == NULL ? -1 : job_status_from_name(status);
-    if (id == NULL || verdict == NULL || owner == NULL || number < 0)
+    if (id == NULL || verdict == NULL || owner == NULL || trace_id == NULL || number < 0)
         return -1;
     snprintf(job.id, sizeof job.id, "%s", id);
     snprintf(job.verdict, sizeof job.verdict, "%s", verdict);
     snprintf(job.owner, sizeof job.owner, "%s", owner);
+    snprintf(job.trace_id, sizeof job.trace_id, "%s", trace_id);
     job.priority = sqlite3_column_int(s, 18);
     job.memory = (uint64_t)sqlite3_column_int64(s, 19);
     job.status = (enum job_status)number;
@@ -418,7 +421,7 @@ static int run_addition(struct db *db, void *data)
     const struct addition *addition = data;
     const struct store_submission *submission = addition->submission;
     const struct job *job = addition->job;
-    sqlite3_bind_int64(bind_job(db, SQL_JOB_ADD, job), 20, (int64_t)submission->bytes);
+    sqlite3_bind_int64(bind_job(db, SQL_JOB_ADD, job), 21, (int64_t)submission->bytes);
     if (db_run(db, SQL_JOB_ADD) != 0)
         return -1;
     int64_t seq = db_last_row(db);

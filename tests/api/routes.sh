@@ -50,7 +50,7 @@ like 'ids are 128 random bits' "$id" '^[0-9a-f]{32}$'
 json 'the job is queued or running' '.status == "queued" or .status == "running"'
 json 'the job body has every member of the contract' '
     (keys | contains(["id","name","labels","status","verdict","revision","attempt","created_at","started_at",
-    "finished_at","queue_position","progress","report","error","links","warnings","priority"]))
+    "finished_at","queue_position","progress","report","error","links","warnings","trace_id","priority"]))
     and .warnings == [] and .priority == "normal"
     and .name == "blue square" and .labels == {"order": "4711"} and .verdict == null and .report == null
     and .error == null and (.created_at | type == "string")'

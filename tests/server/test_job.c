@@ -62,7 +62,7 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     (void)state;
     const char *member[] = {"id",      "name",           "labels",     "status",      "verdict",  "revision",
                             "attempt", "created_at",     "started_at", "finished_at", "progress", "report",
-                            "error",   "queue_position", "links",      "warnings",    "priority"};
+                            "error",   "queue_position", "links",      "warnings",    "priority", "trace_id"};
     struct job job = {
         .id = "0123456789abcdef0123456789abcdef", .revision = {1, 3}, .created_ms = 1182763800125};
     json_t *json = body(&job, 4);
@@ -73,6 +73,7 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(json, "revision")), "1.3");
     assert_int_equal(json_integer_value(json_object_get(json, "queue_position")), 4);
     assert_true(json_is_null(json_object_get(json, "verdict")));
+    assert_true(json_is_null(json_object_get(json, "trace_id")));
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 0);
     assert_string_equal(json_string_value(json_object_get(json, "priority")), "normal");
     json_decref(json);

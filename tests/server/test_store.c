@@ -57,6 +57,7 @@ static void test_store__a_folder_of_an_earlier_version_is_read_on(void **state)
             get_job(store, OLD_ID, &back);
             assert_string_equal(back.name, "old");
             assert_string_equal(back.owner, "");
+            assert_string_equal(back.trace_id, "");
             assert_int_equal(back.priority, JOB_PRIORITY_NORMAL);
             assert_int_equal(back.revision.attempt, 2);
             assert_int_equal(back.revision.counter, 3);
@@ -130,6 +131,7 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
                               .memory = 5000000000 + (uint64_t)i};
         id_new(job[i].id);
         strcpy(job[i].owner, owner[i]);
+        snprintf(job[i].trace_id, sizeof job[i].trace_id, "%032x", (unsigned)i + 1);
         assert_int_equal(add_row(store, &job[i], "{}", 2, &problem), 0);
     }
     store = store_close(store);
@@ -142,6 +144,7 @@ static void test_store__an_owner_finds_nothing_of_anothers(void **state)
         assert_int_equal(store_job_get(store, "", job[i].id, &got, &problem), STORE_NONE);
         assert_int_equal(store_job_get(store, owner[i], job[i].id, &got, &problem), 0);
         assert_string_equal(got.owner, owner[i]);
+        assert_string_equal(got.trace_id, job[i].trace_id);
         assert_int_equal(got.priority, job[i].priority);
         assert_int_equal(got.memory, job[i].memory);
         job_done(&got);
