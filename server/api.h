@@ -57,6 +57,7 @@ struct call {
     const struct route *route;
     char owner[KEY_NAME_SIZE];      /* whose jobs and meshes it sees: the name of its key; "" without keys */
     char id[SHA256_SIZE];           /* the {id} or {sha256} of the path; "" for routes without */
+    char allow[64];                 /* the methods that the path takes; "": there is no such path */
     enum coding coding;             /* of the body as it was sent */
     char job_id[ID_SIZE];           /* of the job that a waiting POST made */
     call_fn *next;                  /* what the executor is to run */

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "conffile.h"
+#include "cors.h"
 #include "drape.h"
 
 /* ---- the table --------------------------------------------------------------------------------------- */
@@ -21,6 +22,7 @@
 enum kind {
     ADDRESS,  /* struct sockaddr_storage */
     TEXT,     /* char[CONFIG_TEXT_SIZE] */
+    ORIGINS,  /* char[CONFIG_TEXT_SIZE], blanks between them; a flag adds to those before it */
     CHOICE,   /* an enumeration from 0 */
     UNSIGNED, /* unsigned */
     SIZE,     /* size_t */
@@ -53,6 +55,8 @@ static const struct setting setting_table[] = {
     {"listen", ADDRESS, AT(listen), "HOST:PORT", 0, 0, NULL, 1,
      "Where the API listens; port 0: any free one"},
     {"admin", ADDRESS, AT(admin), "HOST:PORT", 0, 0, NULL, 1, "Where health and metrics listen"},
+    {"cors-origin", ORIGINS, AT(cors_origins), "ORIGIN...", 0, 0, NULL, 1,
+     "Web pages that may use the API, as https://shop.example; may be given several times"},
     {"data", TEXT, AT(data), "DIR", 0, 0, NULL, 1, "Folder of jobs, results and meshes"},
     {"keys", TEXT, AT(keys), "FILE", 0, 0, NULL, 1,
      "Whom to serve: JSON of hashed API keys; without, whoever is on this machine"},
@@ -243,6 +247,22 @@ static int take_text(const char *text, char *ret, char *message, size_t size)
     return 0;
 }
 
+/* One origin or several; they join those that are there. */
+static int take_origins(const char *text, char *ret, char *message, size_t size)
+{
+    for (const char *p = text + strspn(text, " "); *p != '\0'; p += strspn(p, " ")) {
+        size_t n = strcspn(p, " "), used = strlen(ret);
+        const char *fault = cors_origin_fault(p, n);
+        if (fault != NULL)
+            return refuse(message, size, "\"%.*s\" is not an origin: %s", (int)(n > 100 ? 100 : n), p, fault);
+        if (used + n + 2 > CONFIG_TEXT_SIZE)
+            return refuse(message, size, "the origins are longer than %d bytes", CONFIG_TEXT_SIZE - 1);
+        snprintf(ret + used, CONFIG_TEXT_SIZE - used, "%s%.*s", used > 0 ? " " : "", (int)n, p);
+        p += n;
+    }
+    return *ret != '\0' ? 0 : refuse(message, size, "it must not be empty");
+}
+
 static int take_choice(const struct setting *s, const char *text, int *ret, char *message, size_t size)
 {
     for (int i = 0; s->choice_name(i) != NULL; i++)
@@ -278,6 +298,8 @@ static int take_value(const struct setting *s, const char *text, struct config *
         return config_parse_address(text, member, message, size);
     case TEXT:
         return take_text(text, member, message, size);
+    case ORIGINS:
+        return take_origins(text, member, message, size);
     case CHOICE:
         return take_choice(s, text, member, message, size);
     default:
@@ -296,6 +318,7 @@ static void format_value(const struct setting *s, const struct config *config, c
         snprintf(ret, size, "%s", address);
         break;
     case TEXT:
+    case ORIGINS:
         snprintf(ret, size, "%s", (const char *)member);
         break;
     case CHOICE:
@@ -321,6 +344,8 @@ static int take(struct config *config, size_t i, const char *text, struct config
                 const char *where, char *message, size_t size)
 {
     char why[256];
+    if (setting_table[i].kind == ORIGINS && config->origin[i].source != origin.source)
+        *((char *)config + setting_table[i].offset) = '\0'; /* a stronger source replaces a weaker one's */
     if (take_value(&setting_table[i], text, config, why, sizeof why) != 0)
         return refuse(message, size, "%s: %s", where, why);
     config->origin[i] = origin;
@@ -409,7 +434,9 @@ static int take_environment(struct config *config, char *message, size_t message
 #define KEY_MAKE  (KEY_CHECK + 1)
 
 struct flags {
-    const char *text[SETTINGS]; /* NULL: not given */
+    const char *text[SETTINGS];         /* NULL: not given */
+    char origins[2 * CONFIG_TEXT_SIZE]; /* of all the flags for them, with blanks between; past that is too
+                                           long */
     const char *stray;
     const char *make_key;
     bool check_only;
@@ -431,6 +458,16 @@ static int take_flags(struct config *config, const struct flags *flags, char *me
     return 0;
 }
 
+static void take_flag(struct flags *flags, size_t i, const char *text)
+{
+    flags->text[i] = text;
+    if (setting_table[i].kind != ORIGINS)
+        return;
+    size_t used = strlen(flags->origins);
+    snprintf(flags->origins + used, sizeof flags->origins - used, "%s ", text);
+    flags->text[i] = flags->origins;
+}
+
 static error_t on_option(int key, char *text, struct argp_state *state)
 {
     struct flags *flags = state->input;
@@ -441,7 +478,7 @@ static error_t on_option(int key, char *text, struct argp_state *state)
     else if (key == KEY_MAKE)
         flags->make_key = text;
     else if (key >= FIRST_KEY && key < FIRST_KEY + (int)SETTINGS)
-        flags->text[key - FIRST_KEY] = text;
+        take_flag(flags, (size_t)(key - FIRST_KEY), text);
     else
         return ARGP_ERR_UNKNOWN;
     return 0;

@@ -34,8 +34,9 @@ struct config {
     struct sockaddr_storage listen, admin; /* loopback only, unless there are keys */
     char file[CONFIG_TEXT_SIZE];           /* the file that was read; "": none */
     char data[CONFIG_TEXT_SIZE];
-    char keys[CONFIG_TEXT_SIZE];     /* the key file; "": none */
-    char url_file[CONFIG_TEXT_SIZE]; /* "": none */
+    char keys[CONFIG_TEXT_SIZE];         /* the key file; "": none */
+    char url_file[CONFIG_TEXT_SIZE];     /* "": none */
+    char cors_origins[CONFIG_TEXT_SIZE]; /* with blanks between them; "": none */
     unsigned workers;
     unsigned drain_seconds;
     size_t field_cache_bytes; /* see fields.h */

@@ -334,8 +334,10 @@ static void choose_request_id(struct http_request *r)
 {
     const char *given = MHD_lookup_connection_value(r->mhd, MHD_HEADER_KIND, "X-Request-Id");
     size_t n = given == NULL ? 0 : strlen(given);
-    if (n > 0 && n <= REQUEST_ID_BYTES &&
-        strspn(given, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-") == n)
+    bool visible = n > 0 && n <= REQUEST_ID_BYTES;
+    for (size_t i = 0; visible && i < n; i++)
+        visible = given[i] > ' ' && given[i] < 0x7f;
+    if (visible)
         snprintf(r->id, sizeof r->id, "%s", given);
     else
         id_new(r->id);
@@ -512,6 +514,28 @@ int http_query_nth(const struct http_request *request, const char *name, size_t 
 int http_query(const struct http_request *request, const char *name, char *buffer, size_t size)
 {
     return http_query_nth(request, name, 0, buffer, size);
+}
+
+struct argument_walk {
+    int (*each)(const char *name, void *data);
+    void *data;
+    int result;
+};
+
+static enum MHD_Result on_argument(void *cls, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    struct argument_walk *walk = cls;
+    (void)kind, (void)value;
+    walk->result = walk->each(name, walk->data);
+    return walk->result == 0 ? MHD_YES : MHD_NO;
+}
+
+int http_each_argument(const struct http_request *request, int (*each)(const char *name, void *data),
+                       void *data)
+{
+    struct argument_walk walk = {each, data, 0};
+    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, on_argument, &walk);
+    return walk.result;
 }
 
 /* libmicrohttpd unescapes paths in place, so that %00 cuts them and %2f becomes a slash; with this
@@ -888,6 +912,8 @@ static enum MHD_Result queue_answer(struct http_request *r)
         return sent ? MHD_NO : MHD_YES; /* sent, yet no memory for the barest answer */
     r->status = answer->status;
     http_answer_header(answer, "X-Request-Id", "%s", r->id);
+    if (r->http->setup.leaving != NULL)
+        r->http->setup.leaving(r, answer, r->http->setup.data);
     if (answer->close || r->alone)
         http_answer_header(answer, "Connection", "close");
     if (answer->wake != NULL)

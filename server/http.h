@@ -35,6 +35,8 @@ struct http_setup {
     const char *spool_dir; /* where unnamed temporary files are made; NULL: no bodies at all */
     void (*begin)(struct http_request *request, void *data);
     void (*handle)(struct http_request *request, void *data);
+    /* NULL: nobody. An answer is about to leave, on the loop thread: the last moment to add headers. */
+    void (*leaving)(struct http_request *request, struct http_answer *answer, void *data);
     void (*finished)(struct http_request *request, int status, int64_t milliseconds, void *data);
     void *data;
 };
@@ -77,6 +79,11 @@ const char *http_header(const struct http_request *request, const char *name);
 int http_query(const struct http_request *request, const char *name, char *buffer, size_t size);
 /* The same for one that is given several times: the n-th of them, from 0. */
 int http_query_nth(const struct http_request *request, const char *name, size_t n, char *buffer, size_t size);
+
+/* Calls `each` for every query argument, its name as it was sent (nothing unescaped); nonzero stops and is
+ * returned. */
+int http_each_argument(const struct http_request *request, int (*each)(const char *name, void *data),
+                       void *data);
 
 /* The caller's own pointer; NULL at first. `finished` is the place to free it. */
 void http_set_context(struct http_request *request, void *context);

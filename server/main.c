@@ -229,6 +229,7 @@ static int start_http(int fd, unsigned connections, const char *spool_dir, size_
         .spool_dir = spool_dir,
         .begin = routes_begin,
         .handle = routes_handle,
+        .leaving = routes_leaving,
         .finished = routes_finished,
         .data = routes,
     };

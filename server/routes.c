@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "api.h"
+#include "cors.h"
 #include "jsonout.h"
 #include "log.h"
 #include "meshfile.h"
@@ -22,29 +23,36 @@ struct route {
     const char *method, *path; /* {id}: a job's; {sha256}: a mesh's */
     enum where where;
     enum body body;
+    const char *gives;     /* the type of what it answers; NULL: the handler sees to that */
+    const char *arguments; /* of its query, all that there are */
     call_fn *handler;
 };
 
+#define JSON       "application/json"
+#define MESH_TYPES "model/obj, application/x-ply, model/gltf-binary, application/json"
+
 static const struct route route_table[] = {
-    {ROUTES_API, "POST", "/v1/jobs", ON_READER, JOB_BODY, job_post},
-    {ROUTES_API, "GET", "/v1/jobs", ON_CLERK, NO_BODY, job_list},
-    {ROUTES_API, "GET", "/v1/jobs/{id}", ON_LOOP, NO_BODY, job_get},
-    {ROUTES_API, "DELETE", "/v1/jobs/{id}", ON_CLERK, NO_BODY, job_delete},
-    {ROUTES_API, "GET", "/v1/jobs/{id}/events", ON_LOOP, NO_BODY, job_events},
-    {ROUTES_API, "GET", "/v1/events", ON_CLERK, NO_BODY, jobs_events},
-    {ROUTES_API, "GET", "/v1/jobs/{id}/result", ON_CLERK, NO_BODY, job_result},
-    {ROUTES_API, "GET", "/v1/jobs/{id}/trace", ON_CLERK, NO_BODY, job_trace},
-    {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, mesh_post},
-    {ROUTES_API, "PUT", "/v1/meshes/{sha256}", ON_READER, MESH_BODY, mesh_put},
-    {ROUTES_API, "GET", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, mesh_get},
-    {ROUTES_API, "DELETE", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, mesh_delete},
-    {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, about_materials},
-    {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, about_info},
-    {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, about_openapi},
-    {ROUTES_API, "GET", "/", ON_CLERK, NO_BODY, about_root},
-    {ROUTES_ADMIN, "GET", "/livez", ON_LOOP, NO_BODY, admin_livez},
-    {ROUTES_ADMIN, "GET", "/readyz", ON_LOOP, NO_BODY, admin_readyz},
-    {ROUTES_ADMIN, "GET", "/metrics", ON_LOOP, NO_BODY, admin_metrics},
+    {ROUTES_API, "POST", "/v1/jobs", ON_READER, JOB_BODY, JSON, "", job_post},
+    {ROUTES_API, "GET", "/v1/jobs", ON_CLERK, NO_BODY, JSON, "status label created_after limit cursor",
+     job_list},
+    {ROUTES_API, "GET", "/v1/jobs/{id}", ON_LOOP, NO_BODY, JSON, "", job_get},
+    {ROUTES_API, "DELETE", "/v1/jobs/{id}", ON_CLERK, NO_BODY, JSON, "", job_delete},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/events", ON_LOOP, NO_BODY, "text/event-stream", "", job_events},
+    {ROUTES_API, "GET", "/v1/events", ON_CLERK, NO_BODY, "text/event-stream", NULL,
+     jobs_events}, /* many jobs */
+    {ROUTES_API, "GET", "/v1/jobs/{id}/result", ON_CLERK, NO_BODY, NULL, "format", job_result},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/trace", ON_CLERK, NO_BODY, NULL, "format", job_trace},
+    {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, JSON, "", mesh_post},
+    {ROUTES_API, "PUT", "/v1/meshes/{sha256}", ON_READER, MESH_BODY, JSON, "", mesh_put},
+    {ROUTES_API, "GET", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, NULL, "format", mesh_get},
+    {ROUTES_API, "DELETE", "/v1/meshes/{sha256}", ON_CLERK, NO_BODY, JSON, "", mesh_delete},
+    {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, JSON, "", about_materials},
+    {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, JSON, "", about_info},
+    {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, JSON, "", about_openapi},
+    {ROUTES_API, "GET", "/", ON_CLERK, NO_BODY, "text/html", "", about_root},
+    {ROUTES_ADMIN, "GET", "/livez", ON_LOOP, NO_BODY, NULL, "", admin_livez},
+    {ROUTES_ADMIN, "GET", "/readyz", ON_LOOP, NO_BODY, NULL, "", admin_readyz},
+    {ROUTES_ADMIN, "GET", "/metrics", ON_LOOP, NO_BODY, NULL, "", admin_metrics},
 };
 
 #define ROUTES (sizeof route_table / sizeof *route_table)
@@ -94,6 +102,10 @@ static const struct route *find_route(enum routes_side side, const char *method,
         snprintf(allow + n, allow_size - n, "%s%s%s", n ? ", " : "", route->method,
                  strcmp(route->method, "GET") == 0 ? ", HEAD" : "");
     }
+    if (strcmp(path, "*") == 0)
+        snprintf(allow, allow_size, CORS_METHODS);
+    if (allow[0] != '\0')
+        strncat(allow, ", OPTIONS", allow_size - strlen(allow) - 1);
     return NULL;
 }
 
@@ -141,6 +153,8 @@ void call_problem(struct call *call, const struct problem *problem)
         http_answer_header(answer, "Retry-After", "1");
     if (problem->code == PROBLEM_ENCODING)
         http_answer_header(answer, "Accept-Encoding", CODING_LIST);
+    if (problem->code == PROBLEM_MEDIA_TYPE)
+        http_answer_header(answer, "Accept", "%s", call->route->body == JOB_BODY ? JSON : MESH_TYPES);
     http_send(call->request, answer);
 }
 
@@ -238,16 +252,93 @@ static int check_body_head(struct call *call, struct problem *reterr)
             return form;
     }
     if (type == NULL || mesh_format_from_media_type(type) < 0)
-        return problem_set(reterr, PROBLEM_MEDIA_TYPE,
-                           "A mesh is model/obj, application/x-ply, model/gltf-binary or application/json.");
+        return problem_set(reterr, PROBLEM_MEDIA_TYPE, "A mesh is one of: " MESH_TYPES ".");
     return 0;
+}
+
+/* ---- OPTIONS, and pages of other origins ----------------------------------------------------------------
+ */
+
+/* A preflight asks on behalf of a page, of any path and without a key. */
+static bool is_preflight(const struct call *call)
+{
+    return http_header(call->request, "Access-Control-Request-Method") != NULL &&
+           cors_allows(call->api->config->cors_origins, http_header(call->request, "Origin"));
+}
+
+static void answer_options(struct call *call)
+{
+    struct http_answer *answer = http_answer_empty(204);
+    if (call->allow[0] != '\0')
+        http_answer_header(answer, "Allow", "%s", call->allow);
+    if (is_preflight(call)) {
+        http_answer_header(answer, "Access-Control-Allow-Methods", CORS_METHODS);
+        http_answer_header(answer, "Access-Control-Allow-Headers", CORS_HEADERS);
+        http_answer_header(answer, "Access-Control-Max-Age", CORS_MAX_AGE);
+    }
+    http_send(call->request, answer);
+}
+
+static const struct route options_route = {ROUTES_API, "OPTIONS", "*",  ON_LOOP,
+                                           NO_BODY,    NULL,      NULL, answer_options};
+
+void routes_leaving(struct http_request *request, struct http_answer *answer, void *data)
+{
+    const struct routes *routes = data;
+    const char *origins = routes->api->config->cors_origins, *origin = http_header(request, "Origin");
+    if (routes->side != ROUTES_API || origins[0] == '\0')
+        return;
+    http_answer_header(answer, "Vary", "Origin");
+    if (!cors_allows(origins, origin))
+        return;
+    http_answer_header(answer, "Access-Control-Allow-Origin", "%s", origin);
+    http_answer_header(answer, "Access-Control-Expose-Headers", CORS_EXPOSED);
+}
+
+/* ---- requests --------------------------------------------------------------------------------------------
+ */
+
+struct arguments {
+    const char *known; /* names with blanks between them */
+    unsigned seen;     /* a bit for each of them that was given */
+    char fault[96];
+};
+
+/* What we do not know we cannot heed, and a misspelt filter would list everything. */
+static int check_argument(const char *name, void *data)
+{
+    struct arguments *arguments = data;
+    unsigned bit = 1;
+    for (const char *p = arguments->known; *p != '\0'; bit <<= 1) {
+        size_t n = strcspn(p, " ");
+        if (n == strlen(name) && memcmp(p, name, n) == 0) {
+            if (arguments->seen & bit)
+                snprintf(arguments->fault, sizeof arguments->fault, "The argument %s is given twice.", name);
+            arguments->seen |= bit;
+            return arguments->fault[0] != '\0';
+        }
+        p += n + strspn(p + n, " ");
+    }
+    snprintf(arguments->fault, sizeof arguments->fault, "There is no argument %.40s here.", name);
+    return 1;
+}
+
+/* Whether the request makes sense for its route, before its body; 0, or -1 with *reterr. */
+static int check_request(struct call *call, struct problem *reterr)
+{
+    const struct route *route = call->route;
+    struct arguments arguments = {route->arguments, 0, ""};
+    if (route->arguments != NULL && http_each_argument(call->request, check_argument, &arguments) != 0)
+        return problem_set(reterr, PROBLEM_BAD_REQUEST, "%s", arguments.fault);
+    if (route->gives != NULL && negotiate_accept(http_header(call->request, "Accept"), &route->gives, 1) < 0)
+        return problem_set(reterr, PROBLEM_NOT_ACCEPTABLE, "This comes as %s.", route->gives);
+    return route->body == NO_BODY ? 0 : check_body_head(call, reterr);
 }
 
 void routes_begin(struct http_request *request, void *data)
 {
     const struct routes *routes = data;
     struct problem problem;
-    char allow[64];
     struct call *call = calloc(1, sizeof *call);
     if (call == NULL) {
         http_send(request, NULL);
@@ -256,17 +347,17 @@ void routes_begin(struct http_request *request, void *data)
     call->api = routes->api;
     call->request = request;
     http_set_context(request, call);
-    call->route =
-        find_route(routes->side, http_method(request), http_path(request), call->id, allow, sizeof allow);
+    call->route = find_route(routes->side, http_method(request), http_path(request), call->id, call->allow,
+                             sizeof call->allow);
+    if (strcmp(http_method(request), "OPTIONS") == 0 && (call->allow[0] != '\0' || is_preflight(call)))
+        call->route = &options_route;
     if (!authorized(routes->side, call))
         refuse_stranger(call);
     else if (call->route == NULL)
-        refuse_route(call, allow);
-    else if (call->route->body == NO_BODY)
-        return;
-    else if (check_body_head(call, &problem) != 0)
+        refuse_route(call, call->allow);
+    else if (check_request(call, &problem) != 0)
         call_problem(call, &problem);
-    else
+    else if (call->route->body != NO_BODY)
         http_expect_body(request, call->api->config->limits.body_bytes);
 }
 

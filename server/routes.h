@@ -13,6 +13,7 @@ struct routes {
 };
 
 void routes_begin(struct http_request *request, void *data);
+void routes_leaving(struct http_request *request, struct http_answer *answer, void *data);
 void routes_handle(struct http_request *request, void *data);
 void routes_finished(struct http_request *request, int status, int64_t milliseconds, void *data);
 

@@ -44,6 +44,22 @@ static void test_config__no_flags_give_the_documented_defaults(void **state)
     assert_memory_equal(&config.limits, &limits_default, sizeof limits_default);
 }
 
+static void test_config__origins_may_be_given_several_times(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("--cors-origin=https://a.example", "--cors-origin=http://b:5173"), 0);
+    assert_string_equal(config.cors_origins, "https://a.example http://b:5173");
+    setenv("DRAPED_CORS_ORIGIN", " https://c.example  https://d.example ", 1);
+    assert_int_equal(parse(NULL, NULL), 0);
+    assert_string_equal(config.cors_origins, "https://c.example https://d.example");
+    assert_int_equal(parse("--cors-origin=https://a.example", NULL), 0);
+    assert_string_equal(config.cors_origins, "https://a.example"); /* a flag replaces the environment's */
+    unsetenv("DRAPED_CORS_ORIGIN");
+    assert_int_equal(parse("--cors-origin=https://a.example", "--cors-origin=*"), EX_USAGE);
+    assert_non_null(strstr(message, "--cors-origin: \"*\" is not an origin"));
+    assert_int_equal(parse("--cors-origin=", NULL), EX_USAGE);
+}
+
 static void test_config__the_folder_of_a_service_is_systemds(void **state)
 {
     (void)state;
@@ -388,6 +404,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_config__no_flags_give_the_documented_defaults),
+        cmocka_unit_test(test_config__origins_may_be_given_several_times),
         cmocka_unit_test(test_config__the_folder_of_a_service_is_systemds),
         cmocka_unit_test_setup_teardown(test_config__the_keys_of_a_service_are_its_credential, scratch_new,
                                         scratch_free),
