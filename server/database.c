@@ -40,7 +40,7 @@ struct db {
 
 #define INDICES                                                                                              \
     "CREATE INDEX job_owner ON job(owner, seq, created_ms, status);"                                         \
-    "CREATE INDEX job_ended ON job(finished_ms, bytes) WHERE " ENDED ";"                                     \
+    "CREATE INDEX job_ended ON job(finished_ms, seq, bytes) WHERE " ENDED ";"                                \
     "CREATE INDEX mesh_sha256 ON mesh(sha256);"                                                              \
     "CREATE INDEX mesh_touched ON mesh(touched_ms);"                                                         \
     "CREATE INDEX job_mesh_sha256 ON job_mesh(sha256);"                                                      \
@@ -124,8 +124,8 @@ static const char *const sql_text[STATEMENTS] = {
                      " AND (?3 IS NULL OR EXISTS(SELECT 1 FROM json_each(labels) WHERE key=?3 AND value=?4))"
                      " ORDER BY seq DESC LIMIT ?5",
     [SQL_JOB_REMOVE] = "DELETE FROM job WHERE id=?1 AND " ENDED,
-    [SQL_JOB_TOTALS] = "SELECT count(*),coalesce(sum(bytes),0) FROM job WHERE " ENDED,
-    [SQL_JOB_OLDEST] = "SELECT id,owner,attempt,finished_ms,bytes FROM job WHERE " ENDED
+    [SQL_JOB_TOTALS] = "SELECT count(*),coalesce(sum(bytes),0) FROM job INDEXED BY job_ended WHERE " ENDED,
+    [SQL_JOB_OLDEST] = "SELECT id,owner,attempt,finished_ms,bytes FROM job INDEXED BY job_ended WHERE " ENDED
                        " ORDER BY finished_ms,seq LIMIT ?1",
     [SQL_GONE_ADD] = "INSERT INTO gone(id,at_ms,owner) VALUES(?1,?2,?3)",
     [SQL_GONE_TRIM] = "DELETE FROM gone WHERE seq<=(SELECT max(seq) FROM gone)-" MAX_GONE,

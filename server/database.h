@@ -21,8 +21,8 @@
 struct db;
 struct metrics;
 
-/* Measured: to remove a job from 10 000 takes at most 0.3 MB of log, and the log is written into the tables
- * when it has 4 MB. */
+/* Measured with 100 000 jobs: to remove one takes up to 62 kB of log, to prune 64 of them 0.65 MB, and the
+ * log, which goes into the tables and starts anew at 4 MB, never had more than 4.7 MB. */
 #define DB_RESERVE_BYTES ((off_t)8 << 20)
 
 #define JOB_COLUMNS                                                                                          \

@@ -20,7 +20,7 @@ struct claim { /* a place for one key of one owner; the caller's, zero-initialis
  * are no more of them than connections. */
 struct claims;
 
-struct claims *claims_new(void); /* NULL when out of memory */
+struct claims *claims_new(void);                   /* NULL when out of memory */
 struct claims *claims_free(struct claims *claims); /* none must be held; NULL is fine; returns NULL */
 
 /* Claims (owner, key), which must stay as they are until the release; false when another holds them. */

@@ -74,6 +74,16 @@ request GET "/v1/meshes/$sha"; problem 'it is gone' 404 not-found
 request DELETE "/v1/meshes/$sha"; problem 'and cannot be removed again' 404 not-found
 is 'with its file' "$(files meshes)" 0
 put
+square 24 ".solver.max_iterations = 1 | .bodies = [{mesh: {ref: \"$sha\"}}]" >"$work/by-ref"
+submit "$work/by-ref"; from=$id
+wait_for "$from" succeeded
+endless 24 " | .start_from = \"$from\"" >"$work/again"
+submit "$work/again"; again=$id
+is 'a job is draped again, without its body' "$code" 202
+request DELETE "/v1/jobs/$from"
+request DELETE "/v1/meshes/$sha"; problem 'it holds the mesh of the job it starts from' 409 in-use
+request DELETE "/v1/jobs/$again"
+wait_for "$again" canceled
 endless 24 " | .bodies = [{mesh: {ref: \"$sha\"}}]" >"$work/by-ref"
 submit "$work/by-ref"; user=$id
 if [[ $code == 202 ]]; then

@@ -629,6 +629,40 @@ static void test_queue__a_job_waits_for_the_memory_that_another_holds(void **sta
     close_rig(rig);
 }
 
+static void test_queue__a_key_makes_one_job_and_a_lost_mesh_none(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct store_answer answer;
+    const char lost[][SHA256_SIZE] = {"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"};
+    struct store_submission submission = {
+        .document = "{}", .bytes = 2, .key = "k", .digest = lost[0], .at_ms = 1000};
+    char *body = NULL;
+    open_rig(rig, 1, 2);
+    for (int i = 0; i < 4; i++) {
+        struct job job = {.revision = {1, 1}};
+        id_new(job.id);
+        submission.mesh = i == 0 ? lost : NULL;
+        submission.meshes = i == 0;
+        int result = queue_submit(rig->queue, &job, &submission, &body, &problem);
+        if (i == 0) {
+            assert_int_equal(result, -1);
+            assert_int_equal(problem.code, PROBLEM_INVALID);
+        } else if (i == 1) {
+            assert_int_equal(result, 0);
+            assert_int_equal(store_answer_get(rig->store, "", "k", 1000, &answer, &problem), 0);
+            assert_string_equal(answer.body, body); /* word for word */
+            free(answer.body);
+            free(body);
+        } else { /* each time: no place is lost by it */
+            assert_int_equal(result, QUEUE_TAKEN);
+        }
+        job_done(&job);
+    }
+    assert_int_equal(queue_admits(rig->queue, "", &problem), 0);
+    close_rig(rig);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, rig_new, rig_free)
@@ -651,6 +685,7 @@ int main(void)
         TEST(test_queue__owners_take_turns_and_priorities_go_first_among_ones_own),
         TEST(test_queue__a_job_waits_for_the_memory_that_another_holds),
         TEST(test_queue__a_job_is_not_here_for_another_owner),
+        TEST(test_queue__a_key_makes_one_job_and_a_lost_mesh_none),
     };
     id_init();
     log_open(LOG_LEVEL_ERROR);
