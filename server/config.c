@@ -30,7 +30,8 @@ enum kind {
     HOURS,    /* int64_t, milliseconds */
 };
 
-/* The flag --name, the line `name = value` of the file, and the variable DRAPED_NAME. */
+/* The flag --name, the line `name = value` of the file, and the variable DRAPED_NAME. In the order of
+ * reading. NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding) */
 struct setting {
     const char *name;
     enum kind kind;

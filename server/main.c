@@ -289,8 +289,8 @@ static int start_listeners(struct server *s)
     int fd, admin_fd;
     s->api_routes = (struct routes){&s->api, ROUTES_API};
     s->admin_routes = (struct routes){&s->api, ROUTES_ADMIN};
-    if (open_listener(s, "api", &s->config.listen, &fd, &s->address) != 0 ||
-        open_listener(s, "admin", &s->config.admin, &admin_fd, &s->admin_address) != 0)
+    if (open_listener(s, SERVICE_API, &s->config.listen, &fd, &s->address) != 0 ||
+        open_listener(s, SERVICE_ADMIN, &s->config.admin, &admin_fd, &s->admin_address) != 0)
         return -1;
     if (start_http(fd, (unsigned)limits->connections, s->config.data, spool_bytes, &s->api_routes,
                    &s->http) != 0)

@@ -13,12 +13,20 @@
 #define NOTICE_MS  1000
 #define EXTRA_TIME "EXTEND_TIMEOUT_USEC=15000000\n" /* asked for again long before it is over */
 
+static bool is_wanted(const struct service *service, const char *name)
+{
+    for (int i = 0; i < service->sockets; i++)
+        if (strcmp(service->socket[i].name, name) == 0)
+            return false; /* a second one */
+    return strcmp(name, SERVICE_API) == 0 || strcmp(name, SERVICE_ADMIN) == 0;
+}
+
 static int take_fds(struct service *service, int count, char **name, char *why, unsigned size)
 {
     for (int i = 0; i < count; i++) {
         int fd = SD_LISTEN_FDS_START + i;
         struct service_socket *s = &service->socket[i];
-        if (i == SERVICE_SOCKETS || sd_is_socket(fd, AF_UNSPEC, SOCK_STREAM, 1) <= 0) {
+        if (!is_wanted(service, name[i]) || sd_is_socket(fd, AF_UNSPEC, SOCK_STREAM, 1) <= 0) {
             snprintf(why, size, "descriptor %d, \"%s\", is not a listening socket that is wanted", fd,
                      name[i]);
             return -1;

@@ -7,10 +7,13 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Their FileDescriptorName= in the units. */
 #define SERVICE_SOCKETS 2
+#define SERVICE_API     "api"
+#define SERVICE_ADMIN   "admin"
 
 struct service {
-    struct service_socket { /* passed by systemd (FileDescriptorName=) */
+    struct service_socket { /* passed by systemd */
         char name[32];
         int fd; /* -1: taken */
     } socket[SERVICE_SOCKETS];

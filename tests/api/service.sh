@@ -108,6 +108,15 @@ is 'a request that comes before the daemon is started is answered' \
     "$(curl -s -o /dev/null -w '%{http_code}' --max-time 30 "$held/v1/info")" 200
 is 'its URL is that of the socket it was given' "$(head -n 1 "$work/url")" "$held"
 
+# Names that the daemon does not know are a mistake in the units, not sockets to be forgotten.
+foreign=${held_admin%:*}:$((${held_admin##*:} < 60000 ? ${held_admin##*:} + 1 : 50000))
+systemd-socket-activate -l "${foreign#http://}" --fdname=other "$DRAPED" --data "$work/other" 2>"$work/refusal" &
+other=$!
+until grep -q 'Listening on' "$work/refusal" || ! kill -0 "$other" 2>/dev/null; do sleep 0.01; done
+curl -s -o /dev/null --max-time 5 "$foreign/"
+wait "$other"; is 'a socket of a strange name is refused: status 1' $? 1
+like 'by its name' "$(cat "$work/refusal")" 'event=start.failed what=sockets why=".*other'
+
 load() {
     while [[ ! -e $work/enough ]]; do
         curl -s -o /dev/null --max-time 30 -w '%{http_code} %{exitcode}\n' "$held/v1/info"
