@@ -70,12 +70,18 @@ static void write_line(const struct log_record *record)
         return;
 }
 
+static int send_entry(const struct log_record *record, int priority)
+{
+    struct log_entry entry = {.parts = 0};
+    logline_entry(record, HEAD_FIELDS, priority, &entry);
+    return sd_journal_sendv(entry.part, entry.parts);
+}
+
 void log_event(enum log_level level, const char *event, const char *format, ...)
 {
     if (level > log_threshold)
         return;
     struct log_record record = {0};
-    struct log_entry entry;
     char time[CLOCK_TEXT_SIZE];
     clock_format(clock_wall_ms(), time);
     logline_add(&record, "time", time);
@@ -85,10 +91,6 @@ void log_event(enum log_level level, const char *event, const char *format, ...)
     va_start(args, format);
     logline_take(&record, format, args);
     va_end(args);
-    if (log_form == LOG_JOURNAL) {
-        logline_entry(&record, HEAD_FIELDS, level_table[level].priority, &entry);
-        if (sd_journal_sendv(entry.part, entry.parts) >= 0)
-            return;
-    }
-    write_line(&record);
+    if (log_form != LOG_JOURNAL || send_entry(&record, level_table[level].priority) < 0)
+        write_line(&record);
 }

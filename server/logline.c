@@ -143,21 +143,27 @@ static size_t character(const unsigned char *at)
     return n;
 }
 
+static void put_escape(struct line *line, unsigned code)
+{
+    char text[8];
+    int n = code == '"' || code == '\\' ? snprintf(text, sizeof text, "\\%c", code)
+                                        : snprintf(text, sizeof text, "\\u%04x", code);
+    put(line, text, (size_t)n);
+}
+
 /* As a JSON string; so nothing in it ends a line, or moves the cursor of a terminal. */
 static void put_quoted(struct line *line, const char *text)
 {
     const unsigned char *at = (const unsigned char *)text;
     put(line, "\"", 1);
     while (*at != '\0') {
-        char escaped[8];
         size_t n = character(at);
-        bool c1 = n == 2 && at[0] == 0xc2 && at[1] < 0xa0;
-        if (*at == '"' || *at == '\\')
-            put(line, escaped, (size_t)snprintf(escaped, sizeof escaped, "\\%c", *at));
-        else if (*at < 0x20 || *at == 0x7f || c1)
-            put(line, escaped, (size_t)snprintf(escaped, sizeof escaped, "\\u%04x", c1 ? at[1] : *at));
-        else if (n == 0)
-            put(line, "\\ufffd", 6);
+        if (n == 0)
+            put_escape(line, 0xfffd);
+        else if (*at < 0x20 || *at == 0x7f || *at == '"' || *at == '\\')
+            put_escape(line, *at);
+        else if (at[0] == 0xc2 && at[1] < 0xa0) /* U+0080 to U+009F */
+            put_escape(line, at[1]);
         else
             put(line, (const char *)at, n);
         at += n > 0 ? n : 1;

@@ -1,6 +1,7 @@
 /* main.c - draped: flags, signals, wiring, and the order of starting and stopping. */
 #include <dirent.h>
 #include <errno.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -330,6 +331,9 @@ static int start(struct server *s)
     char why[128];
     if (service_open(&s->service, why, sizeof why) != 0)
         return fail("sockets", why);
+    int64_t patience = service_patience_ms(&s->service);
+    health_init(&s->api.health, patience > 0 ? patience : HEALTH_PATIENCE_MS, s->config.min_free_bytes,
+                clock_monotonic_ms());
     if (id_init() != 0)
         return fail("random", "the system has no randomness");
     if (s->config.url_file[0] != '\0')
@@ -343,9 +347,7 @@ static int start(struct server *s)
         return fail("retention", "out of memory");
     if (start_listeners(s) != 0)
         return -1;
-    int64_t patience = service_patience_ms(&s->service);
-    health_init(&s->api.health, patience > 0 ? patience : HEALTH_PATIENCE_MS, s->config.min_free_bytes,
-                clock_monotonic_ms());
+    health_see(&s->api.health, PULSE_STORE, clock_monotonic_ms());
     atomic_store(&s->api.health.started, true);
     return announce(s);
 }
@@ -413,8 +415,20 @@ static void stop(struct server *s)
  */
 
 /* Blocked in every thread, and taken only where main waits for them. */
+static pthread_t main_thread;
+
+/* OpenBLAS starts threads before main does anything: they do not have the signals blocked, and hand them on.
+ */
+static void hand_to_main(int signal_number)
+{
+    pthread_kill(main_thread, signal_number);
+}
+
 static void block_signals(struct server *s)
 {
+    main_thread = pthread_self();
+    signal(SIGTERM, hand_to_main);
+    signal(SIGINT, hand_to_main);
     sigemptyset(&s->signals);
     sigaddset(&s->signals, SIGTERM);
     sigaddset(&s->signals, SIGINT);
@@ -441,6 +455,7 @@ int main(int argc, char **argv)
 {
     static struct server server; /* outlives main's frame: threads hold pointers to it */
     char message[CONFIG_MESSAGE_SIZE];
+    block_signals(&server); /* first: who is told to stop while he starts stops in order, too */
     int refused = config_parse(argc, argv, &server.config, message, sizeof message);
     if (refused) {
         fprintf(stderr, "draped: %s\nTry `draped --help' for more information.\n", message);
@@ -454,7 +469,6 @@ int main(int argc, char **argv)
         return make_key(server.config.make_key);
     log_open(server.config.log_level);
     log_choose(server.config.log_format);
-    block_signals(&server);
     int failed = start(&server);
     if (!failed)
         while (wait_for_signal(&server, TICK_MS) == 0)

@@ -106,14 +106,15 @@ holder=$!
 until grep -q 'Listening on.*4\.$' "$work/activated" || ! kill -0 "$holder" 2>/dev/null; do sleep 0.01; done
 is 'a request that comes before the daemon is started is answered' \
     "$(curl -s -o /dev/null -w '%{http_code}' --max-time 30 "$held/v1/info")" 200
+ready() { [[ $(curl -s -o /dev/null -w '%{http_code}' --max-time 30 "$held_admin/readyz") == 200 ]]; }
+until ready; do sleep 0.05; done
 is 'its URL is that of the socket it was given' "$(head -n 1 "$work/url")" "$held"
 
 # Names that the daemon does not know are a mistake in the units, not sockets to be forgotten.
-foreign=${held_admin%:*}:$((${held_admin##*:} < 60000 ? ${held_admin##*:} + 1 : 50000))
-systemd-socket-activate -l "${foreign#http://}" --fdname=other "$DRAPED" --data "$work/other" 2>"$work/refusal" &
+systemd-socket-activate -l "$work/other.sock" --fdname=other "$DRAPED" --data "$work/other" 2>"$work/refusal" &
 other=$!
 until grep -q 'Listening on' "$work/refusal" || ! kill -0 "$other" 2>/dev/null; do sleep 0.01; done
-curl -s -o /dev/null --max-time 5 "$foreign/"
+curl -s -o /dev/null --max-time 5 --unix-socket "$work/other.sock" http://other/
 wait "$other"; is 'a socket of a strange name is refused: status 1' $? 1
 like 'by its name' "$(cat "$work/refusal")" 'event=start.failed what=sockets why=".*other'
 
@@ -128,11 +129,12 @@ loads=()
 for i in 1 2 3; do load $i & loads+=($!); done
 restarts=${DRAPED_TEST_RESTARTS:-5}
 for ((n = 1; n <= restarts; n++)); do
-    sleep 0.4
+    until ready; do sleep 0.05; done
+    sleep 0.2
     kill -TERM "$(<"$work/pid")"
     while (($(grep -c . "$work/statuses") < n)); do sleep 0.02; done
 done
-until [[ $(curl -s -o /dev/null -w '%{http_code}' "$held_admin/readyz") == 200 ]]; do sleep 0.05; done
+until ready; do sleep 0.05; done
 touch "$work/enough"
 wait "${loads[@]}"
 kill -TERM "$(<"$work/pid")"
