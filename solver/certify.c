@@ -204,7 +204,7 @@ static drape_status is_above(struct dr_state *s, double bound, bool *ret, drape_
     if (status < 0)
         return status;
     dr_matrix_lower_by_round_off(A);
-    status = dr_sim_factorise(s->sim, A, &factored, reterr);
+    status = dr_sim_factorise(s->sim, s->cloth, &factored, reterr);
     *ret = factored == DR_FACTORED;
     return status;
 }

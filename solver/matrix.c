@@ -46,7 +46,8 @@ struct dr_matrix {
     struct slot *bend_slot;               /* block of each of its entries */
     cholmod_common common;
     enum dr_factor factor;
-    double flops; /* of one factorisation */
+    double flops;   /* of one factorisation */
+    double entries; /* of the factor */
     cholmod_sparse *A;
     cholmod_factor *L;
     cholmod_dense *w; /* right-hand sides, then solutions: two columns */
@@ -264,6 +265,7 @@ static bool analyse(struct dr_matrix *A)
     if (!A->L)
         return false;
     A->flops = common->fl;
+    A->entries = common->lnz;
     A->w = cholmod_zeros(3 * A->free, 2, CHOLMOD_REAL, common);
     A->e = cholmod_zeros(A->L->maxesize ? A->L->maxesize : 1, 2, CHOLMOD_REAL, common);
     return A->w && A->e;
@@ -379,6 +381,14 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
                  A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) + entries * sizeof *A->base +
                  count_bends(A) * sizeof(struct slot);
     return own + A->common.memory_usage;
+}
+
+size_t dr_matrix_bytes_to_come(const struct dr_matrix *A)
+{
+    if (!A->free || A->L->xtype != CHOLMOD_PATTERN)
+        return 0;
+    return A->L->is_super ? A->L->xsize * sizeof(double)
+                          : (size_t)A->entries * (sizeof(double) + sizeof(int));
 }
 
 size_t dr_matrix_free_nodes(const struct dr_matrix *A)

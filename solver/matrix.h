@@ -31,6 +31,7 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr);
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
+size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* of the factor, until the first factorisation */
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
 

@@ -190,7 +190,7 @@ static drape_status correct(struct mover *m, drape_energies *ret_energy, bool *r
     drape_status status = dr_cloth_assemble(cloth, m->x, 0, reterr);
     if (status < 0)
         return status;
-    status = dr_sim_factorise(m->sim, cloth->A, &factored, reterr);
+    status = dr_sim_factorise(m->sim, cloth, &factored, reterr);
     *ret_whole = factored != DR_NO_TIME;
     if (status < 0 || !*ret_whole)
         return status;

@@ -202,19 +202,24 @@ void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR
     }
 }
 
+size_t dr_plan_held(const struct dr_plan *plan)
+{
+    size_t held = 0;
+    for (int t = 0; t < DR_TERMS; t++)
+        held += plan->term[t].bytes;
+    for (int p = 0; p < DR_PHASES; p++)
+        held -= plan->phase_bytes[p];
+    return held;
+}
+
 void dr_plan_report(const struct dr_plan *plan, drape_report *report)
 {
     const size_t *phase = plan->phase_bytes;
     _Static_assert(DR_TERMS <= DRAPE_MAX_TERMS, "the report has room for every term");
     memcpy(report->term, plan->term, sizeof plan->term);
     report->terms = DR_TERMS;
-    report->peak_bytes = 0;
-    for (int t = 0; t < DR_TERMS; t++)
-        report->peak_bytes += plan->term[t].bytes;
     size_t most = 0;
-    for (int p = 0; p < DR_PHASES; p++) {
-        report->peak_bytes -= phase[p];
+    for (int p = 0; p < DR_PHASES; p++)
         most = phase[p] > most ? phase[p] : most;
-    }
-    report->peak_bytes += most;
+    report->peak_bytes = dr_plan_held(plan) + most;
 }

@@ -74,6 +74,9 @@ void dr_plan_keep(struct dr_plan *plan, enum dr_term term);
 /* Notes what a phase held besides the scene, when it ends. */
 void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS]);
 
+/* What scene and sim hold now, besides what the phase that runs does. */
+size_t dr_plan_held(const struct dr_plan *plan);
+
 /* Fills report->term and report->peak_bytes: the terms' sum, but for all phases but the one that holds most,
  * as they do not hold theirs at the same time. */
 void dr_plan_report(const struct dr_plan *plan, drape_report *report);

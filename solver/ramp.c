@@ -140,7 +140,7 @@ static drape_status grow(struct dr_state *s, double before, double after, drape_
     }
     if (s->cloth->contact)
         hold_by_bodies(s);
-    drape_status status = dr_sim_factorise(s->sim, s->cloth->A, &factored, reterr);
+    drape_status status = dr_sim_factorise(s->sim, s->cloth, &factored, reterr);
     if (status < 0 || factored != DR_FACTORED)
         return status; /* without time for this there is none for the drape, which will say so */
     status = dr_state_solve(s, 1, (const double *[]){b}, (double *[]){s->w}, reterr);

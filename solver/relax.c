@@ -51,7 +51,7 @@ drape_status dr_state_factorise(struct dr_state *s, double compression, bool *re
     if (status < 0)
         return status;
     double assembled = dr_clock();
-    status = dr_sim_factorise(sim, s->cloth->A, &factored, reterr);
+    status = dr_sim_factorise(sim, s->cloth, &factored, reterr);
     s->row.factorizations += factored != DR_NO_TIME;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
@@ -408,7 +408,8 @@ static void renew_anchors(struct dr_state *s)
 static drape_status iterate(struct dr_state *s, drape_error *reterr)
 {
     for (;;) {
-        if (s->cloth->self && dr_self_error(s->cloth->self, reterr) < 0)
+        if ((s->cloth->self && dr_self_error(s->cloth->self, reterr) < 0) ||
+            dr_sim_check_memory(s->sim, s->cloth, reterr) < 0)
             return DRAPE_ENOMEM;
         s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
         if (!isfinite(s->row.residual_force) || !isfinite(s->row.energy.potential + s->row.energy.kinetic)) {

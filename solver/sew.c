@@ -157,7 +157,7 @@ static drape_status find_step(struct drape_sim *sim, struct dr_cloth *cloth, con
             cloth->A, s,
             dr_seam_stiffness(gap, before ? SPRING_LAST : turn->spring, before ? INFINITY : turn->most));
     }
-    status = dr_sim_factorise(sim, cloth->A, &factored, reterr);
+    status = dr_sim_factorise(sim, cloth, &factored, reterr);
     *ret_stepped = factored == DR_FACTORED;
     if (status < 0 || factored == DR_NO_TIME)
         return status;

@@ -143,13 +143,33 @@ static bool has_time(const struct drape_sim *sim, const struct dr_matrix *A)
     return dr_matrix_flops(A) / rate <= fmax(left, SHORT_FACTORISATION);
 }
 
-drape_status dr_sim_factorise(struct drape_sim *sim, struct dr_matrix *A, enum dr_factored *ret,
+drape_status dr_sim_check_memory(const struct drape_sim *sim, const struct dr_cloth *cloth,
+                                 drape_error *reterr)
+{
+    size_t bytes[DR_TERMS] = {0}, held = dr_plan_held(&sim->plan), limit = sim->options.memory_limit;
+    if (!limit)
+        return DRAPE_OK;
+    if (cloth) {
+        dr_cloth_bytes(cloth, bytes);
+        held += cloth->A ? dr_matrix_bytes_to_come(cloth->A) : 0;
+    }
+    for (int t = 0; t < DR_TERMS; t++)
+        held += bytes[t];
+    return held <= limit ? DRAPE_OK
+                         : dr_fail_at(reterr, DRAPE_ENOMEM, DRAPE_AT_OPTION, -1, -1, "memory_limit",
+                                      "%.1f MB are needed, more than the limit of %.1f MB",
+                                      1e-6 * (double)held, 1e-6 * (double)limit);
+}
+
+drape_status dr_sim_factorise(struct drape_sim *sim, const struct dr_cloth *cloth, enum dr_factored *ret,
                               drape_error *reterr)
 {
+    struct dr_matrix *A = cloth->A;
     bool out_of_memory = false;
     *ret = DR_NO_TIME;
-    if (!has_time(sim, A))
-        return DRAPE_OK;
+    drape_status status = dr_sim_check_memory(sim, cloth, reterr);
+    if (status < 0 || !has_time(sim, A))
+        return status;
     double began = dr_clock();
     bool definite = dr_matrix_factorise(A, &out_of_memory);
     sim->report.factorizations++;
@@ -172,10 +192,14 @@ void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress)
 static void report_stages(struct drape_sim *sim)
 {
     static const char *const name[DR_STAGES] = {
-        [DR_STAGE_PREPARE] = "prepare",     [DR_STAGE_SEW] = "sew",
-        [DR_STAGE_FOLLOW] = "motion",       [DR_STAGE_ASSEMBLE] = "assemble",
-        [DR_STAGE_FACTORISE] = "factorise", [DR_STAGE_SOLVE] = "solve",
-        [DR_STAGE_MOVE] = "move",           [DR_STAGE_CERTIFY] = "certify",
+        [DR_STAGE_PREPARE] = "prepare",
+        [DR_STAGE_SEW] = "sew",
+        [DR_STAGE_FOLLOW] = "motion",
+        [DR_STAGE_ASSEMBLE] = "assemble",
+        [DR_STAGE_FACTORISE] = "factorise",
+        [DR_STAGE_SOLVE] = "solve",
+        [DR_STAGE_MOVE] = "move",
+        [DR_STAGE_CERTIFY] = "certify",
         [DR_STAGE_BROAD_PHASE] = "broad-phase",
         [DR_STAGE_NARROW_PHASE] = "narrow-phase",
     };

@@ -46,9 +46,13 @@ bool dr_sim_interrupted(const struct drape_sim *sim);
 
 enum dr_factored { DR_FACTORED, DR_NOT_DEFINITE, DR_NO_TIME };
 
-/* Factorises A, unless that cannot be expected to end within the time limit (see drape_options); accounts
- * for it. The status is negative only when memory ran out. */
-drape_status dr_sim_factorise(struct drape_sim *sim, struct dr_matrix *A, enum dr_factored *ret,
+/* DRAPE_ENOMEM when scene, sim and this cloth (NULL: there is none yet) hold more than the limit. */
+drape_status dr_sim_check_memory(const struct drape_sim *sim, const struct dr_cloth *cloth,
+                                 drape_error *reterr);
+
+/* Factorises the cloth's A, unless that cannot be expected to end within the time limit (see drape_options);
+ * accounts for it. The status is negative only when memory ran out, or would pass its limit. */
+drape_status dr_sim_factorise(struct drape_sim *sim, const struct dr_cloth *cloth, enum dr_factored *ret,
                               drape_error *reterr);
 
 /* Tells the caller; its nonzero answer cancels. */
