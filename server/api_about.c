@@ -17,6 +17,7 @@ static json_t *limits_json(const struct limits *limits)
 {
     return json_pack(
         "{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:I, s:I, s:I, s:I, s:I, s:I, "
+        "s:I, s:I, "
         "s:i}",
         "body_bytes", (json_int_t)limits->body_bytes, "json_depth", (json_int_t)limits->json_depth,
         "json_values", (json_int_t)limits->json_values, "vertices", (json_int_t)limits->vertices, "triangles",
@@ -24,7 +25,8 @@ static json_t *limits_json(const struct limits *limits)
         (json_int_t)limits->materials, "lines", (json_int_t)limits->lines, "line_vertices",
         (json_int_t)limits->line_vertices, "name_bytes", (json_int_t)limits->name_bytes, "labels",
         (json_int_t)limits->labels, "max_iterations", (json_int_t)limits->max_iterations, "time_limit_s",
-        limits->time_limit_s, "queued_jobs", (json_int_t)limits->queued_jobs, "connections",
+        limits->time_limit_s, "memory", (json_int_t)limits->memory, "job_memory",
+        (json_int_t)limits->job_memory, "queued_jobs", (json_int_t)limits->queued_jobs, "connections",
         (json_int_t)limits->connections, "streams", (json_int_t)limits->streams, "streams_per_key",
         (json_int_t)limits->streams_per_key, "stream_jobs", (json_int_t)limits->stream_jobs, "reading",
         (json_int_t)limits->reading, "wait_s", WAIT_MAX_S);
@@ -94,7 +96,8 @@ void about_root(struct call *call)
 {
     const struct api *api = call->api;
     struct page_facts facts = {.version = drape_version(),
-                               .counts = api->keys == NULL, /* how many others there are is nobody's business */
+                               .counts =
+                                   api->keys == NULL, /* how many others there are is nobody's business */
                                .workers = api->config->workers,
                                .streams = hub_followers(api->hub)};
     queue_count(api->queue, &facts.queued, &facts.running);

@@ -9,6 +9,7 @@
 
 #include "clock.h"
 #include "digest.h"
+#include "drape.h"
 #include "jsonout.h"
 #include "log.h"
 #include "meshref.h"
@@ -171,6 +172,18 @@ static int fill_job(const struct job_spec *spec, struct job *ret)
     return 0;
 }
 
+/* Notes what the solve is expected to need. 0, or -1 with *reterr: more than a job may have. */
+static int estimate_memory(const struct job_spec *spec, const struct limits *limits, struct job *job,
+                           struct problem *reterr)
+{
+    job->memory = drape_memory_estimate(&spec->scene, &spec->options);
+    if (job->memory <= limits->job_memory)
+        return 0;
+    return problem_set(reterr, PROBLEM_TOO_LARGE_MEMORY,
+                       "It would take about %llu bytes of memory; a job may have %llu.",
+                       (unsigned long long)job->memory, (unsigned long long)limits->job_memory);
+}
+
 /* Checks and commits the body in *submission; 0 with the job's id and body, QUEUE_TAKEN, or -1 with *reterr.
  */
 static int accept_job(struct call *call, struct store_submission *submission, char ret_id[ID_SIZE],
@@ -186,6 +199,8 @@ static int accept_job(struct call *call, struct store_submission *submission, ch
                                   &meshref, &spec, reterr);
     if (!failed && (failed = fill_job(spec, &job)) != 0)
         problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    if (!failed)
+        failed = estimate_memory(spec, &api->config->limits, &job, reterr);
     memcpy(job.owner, call->owner, sizeof job.owner);
     traceparent_parse(http_header(call->request, "traceparent"), trace_id);
     memcpy(job.trace_id, trace_id, sizeof job.trace_id);

@@ -79,6 +79,10 @@ static const struct setting setting_table[] = {
      "Since their end; also of meshes that no job names"},
     {"retain-bytes", SIZE, AT(retain.bytes), "BYTES", 0, 1ull << 50, NULL, 2,
      "Of their documents and results"},
+    {"memory", SIZE, AT(limits.memory), "BYTES", 1000000, 1ull << 50, NULL, 3,
+     "Of all running jobs together, as estimated; others wait"},
+    {"job-memory", SIZE, AT(limits.job_memory), "BYTES", 1000000, 1ull << 50, NULL, 3,
+     "Of one job, at most those of all"},
     {"max-body", SIZE, AT(limits.body_bytes), "BYTES", 1024, 1ull << 32, NULL, 3, "Of a request's body"},
     {"max-vertices", SIZE, AT(limits.vertices), "N", 3, DRAPE_MAX_VERTICES, NULL, 3,
      "Of the cloth, and of each body"},
@@ -521,11 +525,12 @@ static error_t parse_flags(int argc, char **argv, struct flags *ret)
     const struct argp argp = {
         .options = options,
         .parser = on_option,
-        .doc = "draped: finds how garments hang at rest, and serves it over HTTP.\v"
-               "A setting may also stand in the file, as `workers = 2', or in the environment, as "
-               "DRAPED_WORKERS=2. Flags win over the environment, and that over the file.\n\n"
-               "SIGTERM stops the daemon in order: running jobs get the drain timeout to finish and then go "
-               "back to the queue; a second SIGTERM sends them back at once. SIGHUP reads the key file again.",
+        .doc =
+            "draped: finds how garments hang at rest, and serves it over HTTP.\v"
+            "A setting may also stand in the file, as `workers = 2', or in the environment, as "
+            "DRAPED_WORKERS=2. Flags win over the environment, and that over the file.\n\n"
+            "SIGTERM stops the daemon in order: running jobs get the drain timeout to finish and then go "
+            "back to the queue; a second SIGTERM sends them back at once. SIGHUP reads the key file again.",
         .help_filter = help_with_default,
     };
     argp_program_version_hook = print_version;
@@ -572,8 +577,7 @@ static int check_loopback(const struct config *config, size_t offset, char *mess
         return 0;
     config_format_address(address, text);
     return refuse_setting(config, offset, message, message_size,
-                          "%s is not a loopback address: without --keys only this machine is served",
-                          text);
+                          "%s is not a loopback address: without --keys only this machine is served", text);
 }
 
 /* What no setting can say alone; 0 or the exit status. */
@@ -584,6 +588,11 @@ static int check_together(const struct config *config, char *message, size_t mes
     if (limits->streams >= limits->connections)
         return refuse_setting(config, AT(limits.streams), message, message_size,
                               "%zu must be below max-connections, %zu", limits->streams, limits->connections);
+    /* A job that is accepted can run. */
+    if (limits->job_memory > limits->memory)
+        return refuse_setting(config, AT(limits.job_memory), message, message_size,
+                              "%llu must not be above memory, %llu", (unsigned long long)limits->job_memory,
+                              (unsigned long long)limits->memory);
     if (config->keys[0] != '\0')
         return 0;
     int status = check_loopback(config, AT(listen), message, message_size);

@@ -28,7 +28,9 @@ const struct limits limits_default = {
     .time_limit_s = 3600,
     /* At seconds a job, the thousandth waits for a good part of an hour: later ones had better retry. */
     .queued_jobs = 1000,
-    .memory = UINT64_MAX,
+    /* The largest cloth of these limits needs about 4 GB; two of them at a time. */
+    .memory = 8000000000,
+    .job_memory = 4500000000,
     /* Half of the usual 1024 descriptors; the rest serve spools, results and the store. */
     .connections = 512,
     /* Below the connections, so that streams alone can never shut everybody else out. */

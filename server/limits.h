@@ -31,6 +31,7 @@ struct limits {
     double time_limit_s;     /* 422 */
     size_t queued_jobs;      /* queued and running; 503 queue-full */
     uint64_t memory;         /* bytes of all running jobs, as estimated; the others wait */
+    uint64_t job_memory;     /* bytes of one: 422 too-large-memory as estimated, memory-limit when it runs */
     size_t connections;      /* API listener */
     size_t streams;          /* event streams; 429 */
     size_t streams_per_key;  /* of them, those of one API key; 429 */

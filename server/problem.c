@@ -39,6 +39,7 @@ static const struct problem_row problem_table[PROBLEM_CODES] = {
     [PROBLEM_UNSUPPORTED] = {"unsupported", "This version cannot do that", 422, false},
     [PROBLEM_TOO_LARGE] = {"too-large", "The document exceeds a limit", 422, false},
     [PROBLEM_KEY_MISMATCH] = {"idempotency-mismatch", "The key came with another body", 422, false},
+    [PROBLEM_TOO_LARGE_MEMORY] = {"too-large-memory", "The job needs too much memory", 422, false},
     [PROBLEM_TOO_MANY_STREAMS] = {"too-many-streams", "Too many event streams are open", 429, true},
     [PROBLEM_QUOTA_QUEUED] = {"quota-queued", "This key has as many jobs queued as it may", 429, true},
     [PROBLEM_QUOTA_MESHES] = {"quota-meshes", "This key keeps as many bytes of meshes as it may", 429, true},
@@ -49,6 +50,7 @@ static const struct problem_row problem_table[PROBLEM_CODES] = {
     [PROBLEM_BUSY] = {"busy", "The server is busy reading other requests", 503, true},
     [PROBLEM_SOLVER] = {"solver", "The solver gave no result", 500, false},
     [PROBLEM_WORKER_CRASH] = {"worker-crash", "The job ended the server three times", 500, false},
+    [PROBLEM_MEMORY_LIMIT] = {"memory-limit", "The job came to need too much memory", 500, false},
 };
 
 static const struct problem_row *row_of(enum problem_code code)

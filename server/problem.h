@@ -33,6 +33,7 @@ enum problem_code {
     PROBLEM_UNSUPPORTED,        /* 422: in the contract, not in this version; errors[] has pointers */
     PROBLEM_TOO_LARGE,          /* 422: a count over its limit; errors[] has pointers */
     PROBLEM_KEY_MISMATCH,       /* 422: that Idempotency-Key came with another body */
+    PROBLEM_TOO_LARGE_MEMORY,   /* 422: the job would need more memory than one may have */
     PROBLEM_TOO_MANY_STREAMS,   /* 429 */
     PROBLEM_QUOTA_QUEUED,       /* 429: the key's share of the queue */
     PROBLEM_QUOTA_MESHES,       /* 429: the key's bytes of meshes */
@@ -43,6 +44,7 @@ enum problem_code {
     PROBLEM_BUSY,               /* 503: too many requests are being read at once */
     PROBLEM_SOLVER,             /* a job's `error`: the solver gave no result */
     PROBLEM_WORKER_CRASH,       /* a job's `error`: the third crash */
+    PROBLEM_MEMORY_LIMIT,       /* a job's `error`: it came to need more memory than one may have */
     PROBLEM_CODES
 };
 

@@ -117,6 +117,8 @@ static void place_pointer(const struct place *place, const drape_error *error, c
 int schema_solver_problem(const drape_error *error, struct problem *reterr)
 {
     char pointer[JSONTEXT_POINTER_BYTES];
+    if (error->status == DRAPE_ENOMEM && error->place == DRAPE_AT_OPTION)
+        return problem_set(reterr, PROBLEM_MEMORY_LIMIT, "%s", error->message);
     if (error->status == DRAPE_ENOMEM)
         return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
     if (error->status != DRAPE_EINVAL)

@@ -4,6 +4,7 @@
 start_daemon --workers 1
 request GET /v1/info
 cp "$body" "$work/info"
+limit_now() { curl -s "$url/v1/info" | jq ".limits.$1"; }
 limit() { jq ".limits.$1" "$work/info"; }
 post() { request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/job"; }
 
@@ -73,6 +74,35 @@ id=$(curl -s "$url/v1/jobs?status=queued&limit=1" | jq -r '.jobs[0].id')
 request DELETE "/v1/jobs/$id"; wait_for "$id" canceled
 post; is 'a place that came free is given' "$code" 202
 stop_daemon; is 'the daemon stops with status 0' "$status" 0
+
+# ---- memory: the estimate of a job at the limit, and a byte past it
+square 30 '.solver.max_iterations = 1' >"$work/job"
+start_daemon --workers 1 --job-memory 1000000
+post; problem 'a job that would need more memory than one may have' 422 too-large-memory
+bytes=$(jq -r .detail "$body" | grep -o '[0-9]*' | head -n 1)
+like 'is told how much' "$bytes" '^[0-9]{7,}$'
+stop_daemon
+start_daemon --workers 1 --job-memory $((bytes - 1))
+post; problem "a limit of one byte less than $bytes refuses it" 422 too-large-memory
+stop_daemon
+start_daemon --workers 1 --job-memory "$bytes"
+post; is 'at the limit it is taken' "$code" 202
+is 'info tells the limit' "$(limit_now job_memory)" "$bytes"
+stop_daemon
+endless 30 >"$work/job"
+start_daemon --workers 1 --job-memory 1000000
+post; bytes=$(jq -r .detail "$body" | grep -o '[0-9]*' | head -n 1)
+stop_daemon
+data=$work/data-memory
+# What it comes to need may be more than was expected.
+start_daemon --workers 2 --job-memory $((3 * bytes / 2)) --memory $((2 * bytes - 1))
+running() { curl -s "$admin/metrics" | awk '/^draped_jobs\{state="running"/ {print $2}'; }
+post; first=$(jq -r .id "$body"); check 'one job runs' wait_for "$first" running
+post; second=$(jq -r .id "$body"); sleep 0.5
+is 'a byte short of two, the other waits' "$(status_of "$second") $(running)" 'queued 1'
+request DELETE "/v1/jobs/$first"
+check 'until there is room' wait_for "$second" running
+stop_daemon
 
 # ---- streams
 start_daemon --workers 1 --max-streams 2

@@ -105,6 +105,9 @@ static void test_config__each_flag_sets_its_own_member(void **state)
     assert_int_equal(parse("--max-streams=9", "--max-connections=10"), 0);
     assert_int_equal(config.limits.streams, 9);
     assert_int_equal(config.limits.connections, 10);
+    assert_int_equal(parse("--memory=2000000", "--job-memory=1000000"), 0);
+    assert_int_equal(config.limits.memory, 2000000);
+    assert_int_equal(config.limits.job_memory, 1000000);
     assert_int_equal(parse("--max-reading=5", "--max-time=60"), 0);
     assert_int_equal(config.limits.reading, 5);
     assert_close(config.limits.time_limit_s, 60, 0);
@@ -169,6 +172,7 @@ static void test_config__numbers_out_of_range_are_refused(void **state)
                              "--workers=",
                              "--drain-timeout=1.5",
                              "--max-body=1",
+                             "--job-memory=999999",
                              "--field-cache=-1",
                              "--max-queued=0",
                              "--max-vertices=99999999",
@@ -400,6 +404,14 @@ static int set_up(void **state)
     return failed;
 }
 
+static void test_config__one_job_must_fit_into_the_memory_of_all(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("--memory=5000000", "--job-memory=5000000"), 0);
+    assert_int_equal(parse("--memory=5000000", "--job-memory=5000001"), EX_USAGE);
+    assert_non_null(strstr(message, "--job-memory"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -413,6 +425,7 @@ int main(void)
         cmocka_unit_test(test_config__with_keys_any_address_is_served),
         cmocka_unit_test(test_config__addresses_that_are_none_are_refused),
         cmocka_unit_test(test_config__numbers_out_of_range_are_refused),
+        cmocka_unit_test(test_config__one_job_must_fit_into_the_memory_of_all),
         cmocka_unit_test(test_config__streams_must_leave_connections_for_others),
         cmocka_unit_test(test_config__texts_may_be_as_long_as_a_path),
         cmocka_unit_test(test_config__a_file_gives_settings),

@@ -12,13 +12,14 @@
 #include "log.h"
 #include "metrics.h"
 #include "queue.h"
+#include "solve.h"
 #include "store.h"
 
 struct rig {
     char *dir;
     struct limits limits;
-    uint64_t memory;   /* 0: no limit */
-    struct keys *keys; /* NULL: none */
+    uint64_t memory, job_memory; /* 0: the default */
+    struct keys *keys;           /* NULL: none */
     struct store *store;
     struct hub *hub;
     struct metrics *metrics;
@@ -50,6 +51,8 @@ static void open_rig(struct rig *rig, unsigned workers, size_t queued)
     rig->limits.queued_jobs = queued;
     if (rig->memory > 0)
         rig->limits.memory = rig->memory;
+    if (rig->job_memory > 0)
+        rig->limits.job_memory = rig->job_memory;
     assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
     rig->hub = hub_new(8, 8);
     rig->metrics = metrics_new();
@@ -276,6 +279,50 @@ static void test_queue__a_running_job_stops_soon_after_its_cancel(void **state)
     assert_int_equal(queue_cancel(rig->queue, "", id, &body, &problem), QUEUE_NONE);
     free(text);
     close_rig(rig);
+}
+
+struct stopping {
+    atomic_bool stop;
+    char told[512]; /* the progress at which it was stopped */
+};
+
+static void stop_at_once(char *json, void *data)
+{
+    struct stopping *stopping = data;
+    if (!atomic_load(&stopping->stop))
+        snprintf(stopping->told, sizeof stopping->told, "%s", json);
+    atomic_store(&stopping->stop, true);
+    free(json);
+}
+
+static void test_queue__a_solve_that_is_stopped_ends_within_its_iteration(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job = {.revision = {1, 1}};
+    struct stopping stopping = {.told = ""};
+    struct solve_outcome outcome;
+    char *text = long_job();
+    id_new(job.id);
+    assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
+    struct store_submission submission = {.document = text, .bytes = strlen(text)};
+    assert_int_equal(store_job_add(rig->store, &job, &submission, &problem), 0);
+    struct solve_task task = {.store = rig->store,
+                              .limits = &limits_default,
+                              .owner = "",
+                              .id = job.id,
+                              .attempt = 1,
+                              .stop = &stopping.stop,
+                              .progress = stop_at_once,
+                              .data = &stopping};
+    solve_job(&task, &outcome);
+    assert_int_equal(outcome.end, SOLVE_STOPPED);
+    assert_non_null(strstr(stopping.told, "\"iteration\""));
+    assert_string_equal(outcome.progress, stopping.told);
+    free(outcome.report);
+    free(outcome.progress);
+    free(text);
+    rig->store = store_close(rig->store);
 }
 
 static void test_queue__a_cancel_that_the_store_never_matches_is_given_up(void **state)
@@ -610,6 +657,30 @@ static void test_queue__owners_take_turns_and_priorities_go_first_among_ones_own
     close_rig(rig);
 }
 
+/* The estimate that admits jobs may be too low: nothing else stops this one. */
+static void test_queue__a_job_that_needs_too_much_memory_fails_and_the_next_one_runs(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char large[ID_SIZE], small[ID_SIZE], *text = scratch_square(20, "auto", 5), *little;
+    little = scratch_square(2, "auto", 5);
+    rig->job_memory = 500000;
+    open_rig(rig, 1, 10);
+    assert_int_equal(submit(rig, text, large, &problem), 0);
+    assert_int_equal(submit(rig, little, small, &problem), 0);
+    wait_end(rig, large, &job);
+    assert_int_equal(job.status, JOB_FAILED);
+    assert_non_null(strstr(job.error, "\"code\":\"memory-limit\""));
+    job_done(&job);
+    wait_end(rig, small, &job);
+    assert_int_equal(job.status, JOB_SUCCEEDED);
+    job_done(&job);
+    free(text);
+    free(little);
+    close_rig(rig);
+}
+
 static void test_queue__a_job_waits_for_the_memory_that_another_holds(void **state)
 {
     struct rig *rig = *state;
@@ -683,6 +754,8 @@ int main(void)
         TEST(test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more),
         TEST(test_queue__a_job_past_its_keys_running_quota_waits_beside_an_idle_worker),
         TEST(test_queue__owners_take_turns_and_priorities_go_first_among_ones_own),
+        TEST(test_queue__a_job_that_needs_too_much_memory_fails_and_the_next_one_runs),
+        TEST(test_queue__a_solve_that_is_stopped_ends_within_its_iteration),
         TEST(test_queue__a_job_waits_for_the_memory_that_another_holds),
         TEST(test_queue__a_job_is_not_here_for_another_owner),
         TEST(test_queue__a_key_makes_one_job_and_a_lost_mesh_none),
