@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <time.h>
 
+#include "keys.h"
 #include "schema.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -111,6 +112,18 @@ static int try_job(struct problem *reterr)
     return rc;
 }
 
+static int try_keys(struct problem *reterr)
+{
+    static const char KEYS[] =
+        "{\"keys\":[{\"name\":\"shop\",\"queued\":3,"
+        "\"sha256\":\"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad\"}]}";
+    struct key *key = NULL;
+    size_t count;
+    int rc = keys_parse(KEYS, sizeof KEYS - 1, &limits_default.key, &key, &count, reterr);
+    free(key);
+    return rc;
+}
+
 static int try_mesh(enum mesh_format format, const char *text, struct problem *reterr)
 {
     struct mesh mesh = {0};
@@ -206,6 +219,7 @@ static void sweep(int (*try)(struct problem *reterr), const char *name)
     }
 
 SWEEP(job)
+SWEEP(keys)
 SWEEP(obj)
 SWEEP(ply)
 SWEEP(json)
@@ -526,6 +540,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_memory__job_gives_an_error_for_each_allocation),
+        cmocka_unit_test(test_memory__keys_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__obj_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__ply_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__json_gives_an_error_for_each_allocation),
