@@ -235,19 +235,28 @@ double dr_contact_energy(const struct dr_contact *contact, const double *x, doub
     return energy;
 }
 
-/* Adds to the load and grip of a node its share of what the bodies do to a sample. */
-static void add_load(const struct dr_contact *contact, const double x[3], double stiffness, double share,
-                     double own, double rest, double load[3], double *grip)
+/* Where the loads of all nodes are summed: see dr_contact_loads. */
+struct loads {
+    const double *own, *rest;
+    double *load, *grip;
+};
+
+/* Adds what the bodies do to a sample to the loads and grips of the `nodes` that share it. */
+static void add_load(const struct dr_contact *contact, const double x[3], double stiffness,
+                     const uint32_t *node, const double *share, size_t nodes, const struct loads *to)
 {
     for (size_t b = 0; b < contact->bodies; b++) {
         struct touch touch;
         if (!touch_body(contact->body[b], x, stiffness, &touch))
             continue;
-        double mu = own + rest * dr_body_friction(contact->body[b]);
         double length = sqrt(touch.n[0] * touch.n[0] + touch.n[1] * touch.n[1] + touch.n[2] * touch.n[2]);
-        for (int d = 0; d < 3; d++)
-            load[d] += share * touch.psi.force * touch.n[d];
-        *grip += share * mu * touch.psi.force * length;
+        for (size_t k = 0; k < nodes; k++) {
+            size_t v = node[k];
+            double mu = to->own[v] + to->rest[v] * dr_body_friction(contact->body[b]);
+            for (size_t d = 0; d < 3; d++)
+                to->load[3 * v + d] += share[k] * touch.psi.force * touch.n[d];
+            to->grip[v] += share[k] * mu * touch.psi.force * length;
+        }
     }
 }
 
@@ -255,19 +264,19 @@ void dr_contact_loads(const struct dr_contact *contact, const double *x, const d
                       const double *rest, double *load, double *grip)
 {
     const struct dr_mesh *mesh = contact->mesh;
+    const struct loads to = {own, rest, load, grip};
     memset(load, 0, 3 * mesh->nodes * sizeof *load);
     memset(grip, 0, mesh->nodes * sizeof *grip);
     for (size_t v = 0; v < mesh->nodes; v++)
-        add_load(contact, x + 3 * v, node_stiffness(contact, v), 1, own[v], rest[v], load + 3 * v, grip + v);
+        add_load(contact, x + 3 * v, node_stiffness(contact, v), (const uint32_t[]){(uint32_t)v},
+                 (const double[]){1}, 1, &to);
     for (size_t t = 0; t < mesh->triangles; t++) {
         const uint32_t *corner = mesh->triangle + 3 * t;
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
         for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
             double at[3];
             locate(p, corner, x, at);
-            for (int k = 0; k < 3; k++)
-                add_load(contact, at, point_stiffness(contact, t, p), p->share[k], own[corner[k]],
-                         rest[corner[k]], load + 3 * (size_t)corner[k], grip + corner[k]);
+            add_load(contact, at, point_stiffness(contact, t, p), corner, p->share, 3, &to);
         }
     }
 }

@@ -1,16 +1,17 @@
 /* motion.c - the phase in which bodies move: the cloth follows by plain dynamics.
  *
  * One frame of dt:
- *   1. carry    every node goes along with the body point nearest to it (carry.h): x0; friction's anchors,
- * too
+ *   1. carry    every node goes along with the body point nearest to it (carry.h), as far as other cloth lets
+ *               it: x0; friction's anchors, too
  *   2. move     the bodies take their new places
- *   3. correct  backward Euler from there, by a step of Newton on |x - y|^2_M / (2 dt^2) + E(x),
- *               y = x_old + dt v_old; friction with its true Hessian, so that what slipped slides on
+ *   3. correct  backward Euler from there, by steps of Newton on |x - y|^2_M / (2 dt^2) + E(x), none of which
+ *               climbs, y = x_old + dt v_old; friction with its true Hessian, so that what slipped slides on
  *   4. v = (x - x_old) / dt, less what the air takes
  * Frictionless or far from the body the cloth thus ends up where inertia has it, however it was carried. But
  * it starts outside of what it was outside of, and every step from there is walked (dr_contact_clip): the
- * motion of the body itself, however fast, takes it through nothing. A node that another body reaches is
- * inside it by no more than that body moves in one frame, and is pushed out on the side that is nearest. */
+ * motion of the body itself, however fast, takes it through nothing. A node that another body reaches, or
+ * that other cloth keeps from coming along, is inside by no more than that body moves in one frame, and is
+ * pushed out on the side that is nearest. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,14 +28,17 @@
 #define CORRECTIONS   3    /* of Newton per frame, at most */
 #define LET_GO        0.5  /* of all friction: so much more calls for another */
 #define LONGEST_MOVE  0.05 /* m per node and correction */
+#define MOST_HALVINGS 6    /* of a correction that climbs */
 
 struct mover {
     struct drape_sim *sim;
     struct dr_cloth *cloth;
     struct dr_body **body;     /* scene->bodies: those that move are ours, the others the scene's */
     double *next;              /* where a moving body goes: 3 * the most vertices of any */
-    double *x, *v, *f, *w;     /* 3*nodes; x is the caller's */
-    double *old;               /* 3*nodes: x when the frame began */
+    double *x, *v, *w;         /* 3*nodes; x is the caller's, w the next step */
+    double *old, *from;        /* 3*nodes: x when the frame began, and when the correction did */
+    double *f, value;          /* 3*nodes: minus the gradient of what a frame minimises, and that, at x */
+    drape_energies energy;     /* at x, likewise */
     double *distance;          /* nodes: to the nearest body, m */
     double *scratch;           /* DR_CARRY_SCRATCH*nodes */
     struct dr_motor *motor;    /* nodes */
@@ -127,7 +131,8 @@ static void carry_tacks(struct mover *m)
     }
 }
 
-/* Moves the bodies to where they are at `time`, and the nodes and anchors with them. */
+/* Moves the bodies to where they are at `time`, and anchors with them; where the nodes would go along to is
+ * left in w. */
 static void carry(struct mover *m, double time)
 {
     const drape_scene *scene = m->sim->scene;
@@ -151,9 +156,18 @@ static void carry(struct mover *m, double time)
         dr_friction_carry(m->cloth->friction, m->motor, centre);
     memcpy(m->smoothed, m->motor, mesh->nodes * sizeof *m->motor);
     dr_carry_smooth(m->x, mesh->nodes, mesh->triangle, mesh->triangles, m->distance, m->scratch, m->smoothed);
+    memcpy(m->w, m->x, 3 * mesh->nodes * sizeof *m->w);
     for (size_t i = 0; i < mesh->nodes; i++)
         if (!mesh->held[i])
-            dr_motor_move(m->smoothed + i, centre, m->x + 3 * i);
+            dr_motor_move(m->smoothed + i, centre, m->w + 3 * i);
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        m->w[i] -= m->x[i];
+}
+
+static void go(struct mover *m)
+{
+    for (size_t i = 0; i < 3 * m->cloth->mesh->nodes; i++)
+        m->x[i] += m->w[i];
 }
 
 /* ---- 3. correct ------------------------------------------------------------------------------ */
@@ -171,22 +185,46 @@ static void limit_moves(const struct mover *m)
         dr_self_clip(m->cloth->self, m->x, m->w);
 }
 
+/* Finds value, energy and f at x. */
+static void measure(struct mover *m)
+{
+    const struct dr_mesh *mesh = m->cloth->mesh;
+    double inertia = 1 / (m->step * m->step);
+    m->value = dr_cloth_energy(m->cloth, m->x, &m->energy, m->f);
+    for (size_t i = 0; i < 3 * mesh->nodes; i++) {
+        double gap = m->old[i] + m->step * m->v[i] - m->x[i], force = inertia * mesh->mass[i / 3] * gap;
+        m->value += 0.5 * force * gap;
+        m->f[i] += force;
+    }
+}
+
+/* Goes along w, or a half, a quarter... of it, to where the value is no more than it was, but for the false
+ * stretch of a linear step that turns threads: the next one takes that away. The part of it that was gone. */
+static double descend(struct mover *m)
+{
+    size_t count = 3 * m->cloth->mesh->nodes;
+    double part = 1, before = m->value, strain;
+    memcpy(m->from, m->x, count * sizeof *m->x);
+    for (int halvings = 0;; halvings++) {
+        go(m);
+        measure(m);
+        double stretch = dr_cloth_second_order(m->cloth, m->from, m->w, &strain);
+        if (m->value <= before + stretch || halvings == MOST_HALVINGS)
+            return part;
+        part /= 2;
+        for (size_t i = 0; i < count; i++)
+            m->w[i] /= 2;
+        memcpy(m->x, m->from, count * sizeof *m->x);
+    }
+}
+
 /* A step of Newton. *ret_whole: there was time for it. *ret_again: it was not enough. One does for what a
- * drape starts from, but it counts on friction to hold as it held; where most of it lets go, the force would
- * be many times what friction can. */
-static drape_status correct(struct mover *m, drape_energies *ret_energy, bool *ret_whole, bool *ret_again,
-                            drape_error *reterr)
+ * drape starts from, unless only a part of it could be gone. And it counts on friction to hold as it held;
+ * where most of it lets go, the force would be many times what friction can. */
+static drape_status correct(struct mover *m, bool *ret_whole, bool *ret_again, drape_error *reterr)
 {
     struct dr_cloth *cloth = m->cloth;
-    size_t count = 3 * cloth->mesh->nodes;
-    double inertia = 1 / (m->step * m->step);
     enum dr_factored factored;
-    dr_cloth_energy(cloth, m->x, ret_energy, m->f);
-    if (!isfinite(ret_energy->potential))
-        return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
-                       "a non-finite energy while the bodies move, frame %u", m->sim->report.motion_frames);
-    for (size_t i = 0; i < count; i++)
-        m->f[i] += inertia * cloth->mesh->mass[i / 3] * (m->old[i] + m->step * m->v[i] - m->x[i]);
     drape_status status = dr_cloth_assemble(cloth, m->x, 0, reterr);
     if (status < 0)
         return status;
@@ -201,22 +239,22 @@ static drape_status correct(struct mover *m, drape_energies *ret_energy, bool *r
     dr_matrix_solve(cloth->A, 1, (const double *[]){m->f}, (double *[]){m->w});
     m->sim->report.solves++;
     limit_moves(m);
-    *ret_again = cloth->friction && dr_friction_let_go(cloth->friction, m->x, m->w) > LET_GO;
-    dr_cloth_stress(cloth, m->x, m->w);
-    for (size_t i = 0; i < count; i++)
-        m->x[i] += m->w[i];
+    *ret_again = descend(m) < 1;
+    if (cloth->friction && dr_friction_let_go(cloth->friction, m->from, m->w) > LET_GO)
+        *ret_again = true;
+    dr_cloth_stress(cloth, m->from, m->w);
     return DRAPE_OK;
 }
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-static void tell(const struct mover *m, const drape_energies *energy, uint32_t corrections)
+static void tell(const struct mover *m, uint32_t corrections)
 {
     drape_progress progress = {.phase = DRAPE_PHASE_MOVING, .seam_gap = m->sim->report.seam_gap};
     const struct dr_mesh *mesh = m->cloth->mesh;
     progress.row = (drape_row){.iteration = m->sim->report.motion_frames,
                                .seconds = dr_clock() - m->sim->began,
-                               .energy = *energy,
+                               .energy = m->energy,
                                .time_step = m->step,
                                .linear_iterations = corrections,
                                .residual_energy = NAN,
@@ -230,22 +268,28 @@ static void tell(const struct mover *m, const drape_energies *energy, uint32_t c
 static drape_status advance(struct mover *m, uint32_t n, bool *ret_whole, drape_error *reterr)
 {
     size_t count = 3 * m->cloth->mesh->nodes;
-    drape_energies energy = {0};
     memcpy(m->old, m->x, count * sizeof *m->x);
     drape_status status = DRAPE_OK;
     uint32_t corrections = 0;
     bool again = true;
     *ret_whole = true;
     carry(m, n == m->frames ? INFINITY : n * m->step);
+    if (m->cloth->self)
+        dr_self_clip(m->cloth->self, m->x, m->w);
+    go(m);
+    measure(m);
+    if (!isfinite(m->value))
+        return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
+                       "a non-finite energy while the bodies move, frame %u", m->sim->report.motion_frames);
     for (; status >= 0 && *ret_whole && again && corrections < CORRECTIONS; corrections++)
-        status = correct(m, &energy, ret_whole, &again, reterr);
+        status = correct(m, ret_whole, &again, reterr);
     if (status < 0 || !*ret_whole)
         return status;
     for (size_t i = 0; i < count; i++)
         m->v[i] = (m->x[i] - m->old[i]) / (m->step * (1 + AIR * m->step));
     dr_cloth_renew_anchors(m->cloth, m->x);
     m->sim->report.motion_frames = n;
-    tell(m, &energy, corrections);
+    tell(m, corrections);
     return DRAPE_OK;
 }
 
@@ -261,8 +305,10 @@ static drape_status follow(struct mover *m, drape_error *reterr)
         if (whole)
             status = advance(m, n, &whole, reterr);
     }
-    if (!whole)
+    if (!whole) {
         carry(m, INFINITY);
+        go(m);
+    }
     return status;
 }
 
@@ -270,7 +316,7 @@ static drape_status follow(struct mover *m, drape_error *reterr)
 
 static bool allocate(struct mover *m, size_t nodes, size_t vertices)
 {
-    double **array[] = {&m->v, &m->f, &m->w, &m->old};
+    double **array[] = {&m->v, &m->f, &m->w, &m->old, &m->from};
     for (size_t i = 0; i < sizeof array / sizeof *array; i++)
         if (!(*array[i] = calloc(3 * nodes, sizeof(double))))
             return false;
@@ -314,7 +360,7 @@ static void note_bytes(const struct mover *m)
 {
     const drape_scene *scene = m->sim->scene;
     size_t nodes = scene->mesh->nodes, bytes[DR_TERMS] = {0};
-    bytes[DR_TERM_MOTION] = (3 * most_vertices(scene) + (13 + DR_CARRY_SCRATCH) * nodes) * sizeof(double) +
+    bytes[DR_TERM_MOTION] = (3 * most_vertices(scene) + (16 + DR_CARRY_SCRATCH) * nodes) * sizeof(double) +
                             2 * nodes * sizeof *m->motor + scene->bodies * sizeof(struct dr_body *);
     for (size_t b = 0; b < scene->bodies; b++)
         if (scene->path[b])
@@ -337,6 +383,7 @@ static void finish(struct mover *m)
     free(m->f);
     free(m->w);
     free(m->old);
+    free(m->from);
     free(m->distance);
     free(m->scratch);
     free(m->motor);

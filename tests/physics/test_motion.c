@@ -234,6 +234,49 @@ static void test_motion__cloth_between_a_ball_that_moves_and_a_floor_that_stands
     mover_done(&mover);
 }
 
+static int note_contact(const drape_progress *progress, void *data)
+{
+    double *most = data;
+    if (progress->phase == DRAPE_PHASE_MOVING)
+        *most = fmax(*most, progress->row.energy.contact);
+    return 0;
+}
+
+/* Over a ball that goes nowhere the contact never stores what the whole sheet has to give by falling as far
+ * as the ball's radius; steps that are taken as they are press it in five times as hard. */
+static void test_motion__no_correction_pushes_crumpled_cloth_into_a_body(void **state)
+{
+    (void)state;
+    const double radius = 0.1, density = 0.17, side = 0.3;
+    const double centre[3] = {side / 2, -radius, -side / 2}, shift[3] = {0, 0, 0};
+    double most = 0, weight = density * side * side * 9.81;
+    struct mover mover;
+    mover_init(&mover, shape_sphere(centre, radius, 8), shift, 0.4);
+    mover.body.friction = 0.3;
+    struct setup *setup =
+        setup_new(grid_new(GRID_RANDOM, 10, 10, side, side, 7), isotropic(density, 400, 1e-5));
+    for (size_t i = 0; i < setup->grid.vertices; i++) {
+        double *x = setup->x + 3 * i;
+        x[1] = 0.01 + 0.005 * sin(90 * x[0]) * cos(70 * x[2]);
+        x[0] = 0.15 + 0.7 * (x[0] - 0.15);
+    }
+    setup->desc.body = &mover.body;
+    setup->desc.bodies = 1;
+    setup->desc.self_contact = DRAPE_SELF_CONTACT_ON;
+    drape_options options = drape_options_default();
+    options.max_iterations = 1;
+    options.progress = note_contact;
+    options.progress_data = &most;
+    struct run run = run_new(&setup->desc, &options);
+    print_message("  %u frames, %.2f mJ of contact at most, %.2f mJ allowed\n", run.report->motion_frames,
+                  1e3 * most, 1e3 * weight * radius);
+    assert_true(most > 0);
+    assert_true(most < weight * radius);
+    run_done(&run);
+    setup_free(setup);
+    mover_done(&mover);
+}
+
 /* ---- ends --------------------------------------------------------------------------------------- */
 
 static int cancel_at_three(const drape_progress *progress, void *data)
@@ -367,6 +410,7 @@ int main(void)
         cmocka_unit_test(test_motion__a_tablecloth_is_left_behind_by_a_table_that_is_pulled_away),
         cmocka_unit_test(test_motion__a_wall_sweeps_a_sheet_along_however_fast_it_is),
         cmocka_unit_test(test_motion__cloth_between_a_ball_that_moves_and_a_floor_that_stands_is_in_neither),
+        cmocka_unit_test(test_motion__no_correction_pushes_crumpled_cloth_into_a_body),
         cmocka_unit_test(test_motion__cancelled_on_the_way_the_cloth_still_arrives),
         cmocka_unit_test(test_motion__a_body_that_goes_nowhere_changes_nothing_much),
         cmocka_unit_test(test_motion__pins_stay_where_they_are_in_space),
