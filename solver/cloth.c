@@ -7,6 +7,8 @@
 
 #include "error.h"
 
+#define MOST_SWEEPS 1000 /* of bracing */
+
 /* Friction of the cloth with itself: fabrics that state none have that of the roughest body. */
 static drape_status roughen(const drape_scene *scene, struct dr_cloth *cloth, drape_error *reterr)
 {
@@ -287,6 +289,19 @@ void dr_cloth_renew_anchors(struct dr_cloth *cloth, const double *x)
         dr_friction_update(cloth->friction, x);
     if (cloth->self)
         dr_self_renew(cloth->self, x);
+}
+
+void dr_cloth_brace_anchors(struct dr_cloth *cloth, const double *x, double *f, double precision)
+{
+    const struct dr_mesh *mesh = cloth->mesh;
+    double change = INFINITY;
+    for (int sweep = 0; sweep < MOST_SWEEPS && change > precision; sweep++) {
+        for (size_t i = 0; i < 3 * mesh->nodes; i++)
+            f[i] = mesh->held[i / 3] ? 0 : f[i]; /* reactions need no friction */
+        change = cloth->friction ? dr_friction_brace(cloth->friction, x, f) : 0;
+        if (cloth->self)
+            change = fmax(change, dr_self_brace(cloth->self, x, f));
+    }
 }
 
 double dr_cloth_held(const struct dr_cloth *cloth, const double *x)

@@ -65,6 +65,11 @@ bool dr_cloth_has_anchors(const struct dr_cloth *cloth);
 void dr_cloth_renew_anchors(struct dr_cloth *cloth, const double *x);
 double dr_cloth_held(const struct dr_cloth *cloth, const double *x);
 
+/* Moves anchors just taken at x, where the cloth came to rest before, to where they hold the forces f there
+ * (3*nodes, N, overwritten) up to `precision`, N, as far as friction can: else they would hold nothing yet.
+ * By turns, each from what the others leave (projected Gauss-Seidel). */
+void dr_cloth_brace_anchors(struct dr_cloth *cloth, const double *x, double *f, double precision);
+
 /* q += (H(1) - H(0)) p of stretch, elastics and folds (not of bodies), H(indefinite) being what
  * dr_cloth_assemble adds. p and q are 3*nodes. */
 void dr_cloth_left_out(const struct dr_cloth *cloth, const double *x, const double *p, double *q);

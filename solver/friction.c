@@ -155,30 +155,50 @@ void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *moto
     }
 }
 
-/* Moves an anchor at x to where the node is held against the force f, or as far as it can be: u, the slip,
- * has the direction of f along the surface and the length at which E'(u) is its size. */
-static void brace(struct anchor *anchor, const double f[3])
+/* The slip at which E' is a force has its direction and the length s (1 - sqrt(1 - force/g)). */
+double dr_friction_hold_more(double limit, double u[3], double more[3])
 {
-    double off = 0, square = 0, t[3];
-    for (int d = 0; d < 3; d++)
-        off += f[d] * anchor->normal[d];
+    double unused, secant, along, held[3], force = 0, change = 0;
+    dr_friction_respond(limit, sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), &unused, &secant, &along);
     for (int d = 0; d < 3; d++) {
-        t[d] = f[d] - off * anchor->normal[d];
-        square += t[d] * t[d];
+        held[d] = secant * u[d];
+        more[d] += held[d];
+        force += more[d] * more[d];
     }
-    double force = sqrt(square), part = fmin(force / anchor->limit, 1);
-    if (!(force > 0))
-        return;
-    for (int d = 0; d < 3; d++)
-        anchor->at[d] -= DR_FRICTION_SLIP * (1 - sqrt(1 - part)) * t[d] / force;
+    force = sqrt(force);
+    double part = fmin(force / limit, 1), cut = force > limit ? limit / force : 1;
+    double length = force > 0 ? DR_FRICTION_SLIP * (1 - sqrt(1 - part)) / force : 0;
+    for (int d = 0; d < 3; d++) {
+        u[d] = length * more[d];
+        more[d] = cut * more[d] - held[d];
+        change += more[d] * more[d];
+    }
+    return sqrt(change);
 }
 
-void dr_friction_hold(struct dr_friction *friction, const double *x, const double *f)
+static double brace(struct anchor *anchor, const double x[3], double f[3])
 {
-    dr_friction_update(friction, x);
+    double off = 0, more[3], u[3];
+    slip(anchor, x, u);
+    for (int d = 0; d < 3; d++)
+        off += f[d] * anchor->normal[d];
+    for (int d = 0; d < 3; d++)
+        more[d] = f[d] - off * anchor->normal[d];
+    double change = dr_friction_hold_more(anchor->limit, u, more);
+    for (int d = 0; d < 3; d++) {
+        anchor->at[d] = x[d] - u[d];
+        f[d] -= more[d];
+    }
+    return change;
+}
+
+double dr_friction_brace(struct dr_friction *friction, const double *x, double *f)
+{
+    double most = 0;
     for (size_t i = 0; i < friction->nodes; i++)
         if (friction->anchor[i].limit > 0)
-            brace(friction->anchor + i, f + 3 * i);
+            most = fmax(most, brace(friction->anchor + i, x + 3 * i, f + 3 * i));
+    return most;
 }
 
 /* ---- the potential --------------------------------------------------------------------------- */

@@ -47,10 +47,14 @@ double dr_friction_let_go(const struct dr_friction *friction, const double *x, c
 /* Moves the anchors with the body points they sit on: node i's by motor[i] about `centre`. */
 void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *motor, const double centre[3]);
 
-/* The same for a cloth that has come to rest at x before: f (3*nodes, N) are the forces there but for
- * friction's. What of them runs along the surface is taken to have been held, up to mu N, and each anchor
- * lies where it holds that, instead of at x where it would hold nothing yet. */
-void dr_friction_hold(struct dr_friction *friction, const double *x, const double *f);
+/* For a cloth that came to rest at x before, where the anchors have just been taken: f (3*nodes, N) are the
+ * forces there. What of them runs along the surface is taken to have been held, up to mu N; each anchor moves
+ * to where it holds that, too, and f is what is left. Returns the most that any anchor's force changed by, N. */
+double dr_friction_brace(struct dr_friction *friction, const double *x, double *f);
+
+/* One anchor's part of that: changes the slip u by a force of `more` along the surface (N), of `limit` at
+ * most in all. `more` is then what the force changed by; returns its size, N. */
+double dr_friction_hold_more(double limit, double u[3], double more[3]);
 
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_friction_energy(const struct dr_friction *friction, const double *x, double *g);

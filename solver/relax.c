@@ -11,6 +11,7 @@
 #define LONGEST_MOVE 0.02 /* m per node and step where there are bodies */
 #define EPOCH        15   /* iterations that friction's anchors stay, unless a stop or rest renews them */
 #define SHORT_EPOCH  2    /* of methods without stops */
+#define HELD         0.1  /* of the tolerance: how closely a drape's load is held where it starts again */
 #define SUNK         1e-3 /* m inside a body from which the verdict is "intersecting" */
 
 /* ---- what methods share -------------------------------------------------------------------------- */
@@ -397,8 +398,8 @@ static void renew_anchors(struct dr_state *s)
         return;
     double kinetic = s->row.energy.kinetic;
     dr_cloth_renew_anchors(s->cloth, s->x);
-    if (s->cloth->friction && !s->row.iteration && s->sim->scene->draped)
-        dr_friction_hold(s->cloth->friction, s->x, s->f);
+    if (!s->row.iteration && s->sim->scene->draped)
+        dr_cloth_brace_anchors(s->cloth, s->x, s->f, HELD * s->sim->options.tolerance * s->weight);
     dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
     s->row.energy.kinetic = kinetic;
     s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;

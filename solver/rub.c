@@ -139,6 +139,38 @@ bool dr_rub_take(struct dr_rub *rub, const struct dr_rub_pair *pair, const doubl
     return true;
 }
 
+/* Against f on its nodes the pair's force t is least out of balance, sum |f_k - b_k t|^2, at
+ * t = sum b_k f_k / sum b_k^2. */
+static double brace(struct anchor *anchor, const double *x, double *f)
+{
+    const struct dr_rub_pair *pair = &anchor->pair;
+    double u[3], more[3], squares = 0, at[3];
+    slip(anchor, x, u);
+    offset_at(pair, x, at);
+    offset_at(pair, f, more);
+    for (int k = 0; k < 4; k++)
+        squares += pair->weight[k] * pair->weight[k];
+    for (int d = 0; d < 3; d++)
+        more[d] /= squares;
+    across(pair->n, more);
+    double change = dr_friction_hold_more(anchor->limit, u, more);
+    for (size_t d = 0; d < 3; d++) {
+        anchor->at[d] = at[d] - u[d];
+        for (int k = 0; k < 4; k++)
+            f[3 * (size_t)pair->node[k] + d] -= pair->weight[k] * more[d];
+    }
+    return change;
+}
+
+double dr_rub_brace(struct dr_rub *rub, const double *x, double *f)
+{
+    double most = 0;
+    for (size_t i = 0; i < rub->count; i++)
+        if (rub->anchor[i].limit > 0)
+            most = fmax(most, brace(rub->anchor + i, x, f));
+    return most;
+}
+
 /* ---- the potential --------------------------------------------------------------------------- */
 
 double dr_rub_energy(const struct dr_rub *rub, const double *x, double *g)

@@ -33,6 +33,10 @@ size_t dr_rub_bytes(const struct dr_rub *rub);
 void dr_rub_begin(struct dr_rub *rub);
 bool dr_rub_take(struct dr_rub *rub, const struct dr_rub_pair *pair, const double *x);
 
+/* As dr_friction_brace, at the x of the last update; a pair takes of f what would bring its two points
+ * nearest to balance. */
+double dr_rub_brace(struct dr_rub *rub, const double *x, double *f);
+
 /* As of friction.h: energy at x with its gradient added to g unless NULL; Hessian, for which A has places. */
 double dr_rub_energy(const struct dr_rub *rub, const double *x, double *g);
 void dr_rub_hessian(const struct dr_rub *rub, const double *x, double exact, struct dr_matrix *A);

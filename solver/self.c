@@ -610,6 +610,11 @@ void dr_self_renew(struct dr_self *self, const double *x)
     dr_self_each(self, x, anchor, &(struct update){self, x});
 }
 
+double dr_self_brace(struct dr_self *self, const double *x, double *f)
+{
+    return self->rub ? dr_rub_brace(self->rub, x, f) : 0;
+}
+
 /* ---- the limit on a step --------------------------------------------------------------------- */
 
 double dr_self_allows(struct dr_self *self, const double *x, const double *w)

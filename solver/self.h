@@ -45,6 +45,9 @@ double dr_self_energy(struct dr_self *self, const double *x, double *g);
 /* Takes friction's anchors afresh at x: the potential is another one from here on. */
 void dr_self_renew(struct dr_self *self, const double *x);
 
+/* Has friction's anchors, just taken at x, hold the forces f: see dr_friction_brace; 0 without friction. */
+double dr_self_brace(struct dr_self *self, const double *x, double *f);
+
 /* Whether it has friction, and the part of the energy at x that this holds, J. */
 bool dr_self_holds(const struct dr_self *self);
 double dr_self_held(const struct dr_self *self, const double *x);

@@ -116,6 +116,62 @@ static void test_redrape__friction_holds_from_the_first(void **state)
     setup_free(setup);
 }
 
+/* A grid whose middle column of cells is cut out, its right half laid over the left, 1 mm above it and half
+ * a cell aside. */
+static struct setup *two_layers(void)
+{
+    struct setup *setup =
+        setup_new(grid_new(GRID_ALTERNATING, 13, 6, 0.26, 0.12, 0), isotropic(0.2, 400, 1e-4));
+    const struct grid *grid = &setup->grid;
+    size_t kept = 0, columns = grid->nx + 1, half = columns / 2;
+    for (size_t t = 0; t < grid->triangles; t++) {
+        size_t right = 0;
+        for (size_t k = 0; k < 3; k++)
+            right += grid->triangle[3 * t + k] % columns >= half;
+        if (right % 3 == 0)
+            memmove(grid->triangle + 3 * kept++, grid->triangle + 3 * t, 3 * sizeof *grid->triangle);
+    }
+    setup->desc.triangles = setup->grid.triangles = kept;
+    for (size_t i = 0; i < grid->vertices; i++) {
+        bool upper = i % columns >= half;
+        double *x = setup->x + 3 * i;
+        x[0] -= upper ? grid->uv[2 * half] + 0.01 : 0;
+        x[1] = 0.0029 + (upper ? 0.001 : 0);
+        x[2] += upper ? 0.007 : 0;
+    }
+    return setup;
+}
+
+/* And so is a load that passes from layer to layer. */
+static void test_redrape__friction_of_layers_holds_from_the_first(void **state)
+{
+    (void)state;
+    struct setup *setup = two_layers();
+    drape_body ground = {.kind = DRAPE_BODY_PLANE, .offset = 0.003, .friction = 0.3, .axis = {0, 1, 0}};
+    double pattern[2 * 14 * 7], slope = atan(0.2);
+    setup->desc.body = &ground;
+    setup->desc.bodies = 1;
+    setup->desc.self_contact = DRAPE_SELF_CONTACT_ON;
+    setup->desc.gravity[0] = GRAVITY * sin(slope);
+    setup->desc.gravity[1] = -GRAVITY * cos(slope);
+    drape_options options = drape_options_default();
+    options.certify = true;
+    struct run first = run_new(&setup->desc, &options);
+    tell("layers on a slope", setup, &first);
+    assert_int_equal(first.report->verdict, DRAPE_VERDICT_AT_REST);
+    start_from(setup, &first, pattern);
+    struct run again = run_new(&setup->desc, &options);
+    tell("again", setup, &again);
+    assert_int_equal(again.report->verdict, DRAPE_VERDICT_AT_REST);
+    assert_true(again.report->certificate.certified);
+    assert_in_range(again.report->iterations, 1, 2);
+    for (size_t i = 0; i < 3 * setup->grid.vertices; i++)
+        assert_near(again.x[i], first.x[i], 1e-5, 1);
+    run_done(&first);
+    run_done(&again);
+    setup_free(setup);
+}
+
 /* The same minimum as from scratch, in fewer iterations: near rest both take the same few of Newton. */
 static void test_redrape__another_size_is_the_drape_from_scratch(void **state)
 {
@@ -195,6 +251,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_redrape__what_did_not_change_rests_at_once),
         cmocka_unit_test(test_redrape__friction_holds_from_the_first),
+        cmocka_unit_test(test_redrape__friction_of_layers_holds_from_the_first),
         cmocka_unit_test(test_redrape__another_size_is_the_drape_from_scratch),
         cmocka_unit_test(test_redrape__cloth_grows_with_its_pattern),
     };
