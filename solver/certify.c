@@ -27,6 +27,8 @@
 #define FIRST_PUSH   0.01  /* of an edge */
 #define MOST_TRIALS  30    /* along one direction */
 
+#define TOO_LITTLE_TIME "the time limit leaves too little for the certificate"
+
 struct polish {
     struct dr_state *s;
     drape_certificate *certificate;
@@ -195,18 +197,15 @@ static drape_status factorise(struct polish *p, double shift, bool *ret_definite
 }
 
 /* Whether H - bound M is positive definite beyond round-off. */
-static drape_status is_above(struct dr_state *s, double bound, bool *ret, drape_error *reterr)
+static drape_status is_above(struct dr_state *s, double bound, enum dr_factored *ret, drape_error *reterr)
 {
     struct dr_matrix *A = s->cloth->A;
-    enum dr_factored factored;
     dr_matrix_set_base(A, -bound);
     drape_status status = dr_cloth_assemble(s->cloth, s->x, 1, reterr);
     if (status < 0)
         return status;
     dr_matrix_lower_by_round_off(A);
-    status = dr_sim_factorise(s->sim, s->cloth, &factored, reterr);
-    *ret = factored == DR_FACTORED;
-    return status;
+    return dr_sim_factorise(s->sim, s->cloth, ret, reterr);
 }
 
 /* The factor of H succeeded and Newton has converged: is H positive definite beyond round-off? */
@@ -214,13 +213,17 @@ static drape_status prove(struct polish *p, drape_error *reterr)
 {
     struct dr_state *s = p->s;
     double lambda;
+    enum dr_factored factored = DR_NOT_DEFINITE;
     drape_status status = lowest_mode(p, &lambda, reterr);
     p->certificate->reason = "positive definite, but too little to prove it beside round-off";
-    for (int attempt = 0; status >= 0 && attempt < 2 && !p->certificate->certified; attempt++) {
+    for (int attempt = 0; status >= 0 && attempt < 2 && factored == DR_NOT_DEFINITE; attempt++) {
         p->certificate->curvature = attempt ? 0 : 0.5 * lambda;
-        status = is_above(s, p->certificate->curvature, &p->certificate->certified, reterr);
+        status = is_above(s, p->certificate->curvature, &factored, reterr);
     }
-    if (status >= 0 && p->certificate->certified)
+    p->certificate->certified = status >= 0 && factored == DR_FACTORED;
+    if (factored == DR_NO_TIME)
+        p->certificate->reason = TOO_LITTLE_TIME;
+    if (p->certificate->certified)
         p->certificate->reason = "a strict local minimum: the Hessian is positive definite beyond round-off";
     return status;
 }
@@ -235,7 +238,7 @@ static drape_status step(struct polish *p, drape_error *reterr)
     if (status < 0)
         return status;
     if (s->gave_up) {
-        certificate->reason = "the time limit leaves too little for the certificate";
+        certificate->reason = TOO_LITTLE_TIME;
         s->gave_up = NULL; /* the rest that was found is not touched by that */
         return DRAPE_OK;
     }

@@ -673,9 +673,10 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
 }
 
 const struct dr_method dr_mixed = {
-    .matrix = DR_MATRIX_CHOLESKY, .extra = ARRAYS, .assess = assess, .advance = advance};
+    .matrix = DR_MATRIX_CHOLESKY, .extra = ARRAYS, .conjugate = true, .assess = assess, .advance = advance};
 const struct dr_method dr_mixed_touching = {.matrix = DR_MATRIX_CHOLESKY,
                                             .extra = ARRAYS_WITH_BODIES,
                                             .gaps = true,
+                                            .conjugate = true,
                                             .assess = assess,
                                             .advance = advance};

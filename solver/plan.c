@@ -125,8 +125,7 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
     decide(plan, DR_TERM_JACOBIAN, "jacobian", implicit, 0, explicit);
     decide(plan, DR_TERM_GEOMETRIC_STIFFNESS, "geometric-stiffness", implicit, 0, explicit);
     decide(plan, DR_TERM_VELOCITIES, "velocities", plan->method->moves, 0, "the method has none");
-    decide(plan, DR_TERM_CONJUGATE_GRADIENTS, "conjugate-gradients",
-           plan->method == &dr_mixed || plan->method == &dr_mixed_touching, 0,
+    decide(plan, DR_TERM_CONJUGATE_GRADIENTS, "conjugate-gradients", plan->method->conjugate, 0,
            "steps are taken from the factor alone");
     decide(plan, DR_TERM_CERTIFICATE, "certificate", options->certify, 0, "not asked for");
     decide(plan, DR_TERM_FIT, "fit", options->fit, 0, "not asked for");

@@ -42,13 +42,13 @@ drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *meth
     return allocate(s) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
-drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
+drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret_definite,
                                 drape_error *reterr)
 {
     struct drape_sim *sim = s->sim;
     enum dr_factored factored;
     double began = dr_clock();
-    drape_status status = dr_cloth_assemble(s->cloth, s->x, compression, reterr);
+    drape_status status = dr_cloth_assemble(s->cloth, s->x, indefinite, reterr);
     if (status < 0)
         return status;
     double assembled = dr_clock();

@@ -26,6 +26,7 @@ struct dr_method {
     bool moves;     /* it has velocities: kinetic energy, stops */
     unsigned extra; /* arrays of 3*nodes it wants in state.extra, at most DR_MAX_EXTRA */
     bool gaps;      /* it wants state.gaps */
+    bool conjugate; /* its steps are by conjugate gradients, which is what the extra arrays are for */
     struct dr_scheme scheme;
     drape_status (*assess)(struct dr_state *s, drape_error *reterr);
     drape_status (*advance)(struct dr_state *s, drape_error *reterr);
@@ -79,10 +80,10 @@ extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, 
 /* Goes on with another method, which needs the same matrix; makes the arrays that it lacks. */
 drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr);
 
-/* Assembles with `compression`, factorises, and accounts for the time. *ret_definite tells whether that
+/* Assembles with `indefinite` (see dr_cloth_assemble), factorises, and accounts for the time. *ret_definite tells whether that
  * went well; where there was no time left for it, gave_up says so. The status is negative only when memory
  * ran out. */
-drape_status dr_state_factorise(struct dr_state *s, double compression, bool *ret_definite,
+drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret_definite,
                                 drape_error *reterr);
 
 /* Solves for one or two right-hand sides with the last factor, and accounts for the time. */

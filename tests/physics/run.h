@@ -62,6 +62,32 @@ static inline void pin_columns(struct setup *setup, size_t columns)
             setup->pin[setup->desc.pins++] = grid_at(&setup->grid, i, j);
 }
 
+/* A grid whose middle column of cells is cut out, its right half laid over the left, 1 mm above it and half
+ * a cell aside. */
+static inline struct setup *setup_layers(void)
+{
+    struct setup *setup =
+        setup_new(grid_new(GRID_ALTERNATING, 13, 6, 0.26, 0.12, 0), isotropic(0.2, 400, 1e-4));
+    const struct grid *grid = &setup->grid;
+    size_t kept = 0, columns = grid->nx + 1, half = columns / 2;
+    for (size_t t = 0; t < grid->triangles; t++) {
+        size_t right = 0;
+        for (size_t k = 0; k < 3; k++)
+            right += grid->triangle[3 * t + k] % columns >= half;
+        if (right % 3 == 0)
+            memmove(grid->triangle + 3 * kept++, grid->triangle + 3 * t, 3 * sizeof *grid->triangle);
+    }
+    setup->desc.triangles = setup->grid.triangles = kept;
+    for (size_t i = 0; i < grid->vertices; i++) {
+        bool upper = i % columns >= half;
+        double *x = setup->x + 3 * i;
+        x[0] -= upper ? grid->uv[2 * half] + 0.01 : 0;
+        x[1] = 0.0029 + (upper ? 0.001 : 0);
+        x[2] += upper ? 0.007 : 0;
+    }
+    return setup;
+}
+
 static inline void setup_free(struct setup *setup)
 {
     grid_done(&setup->grid);

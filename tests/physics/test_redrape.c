@@ -116,37 +116,11 @@ static void test_redrape__friction_holds_from_the_first(void **state)
     setup_free(setup);
 }
 
-/* A grid whose middle column of cells is cut out, its right half laid over the left, 1 mm above it and half
- * a cell aside. */
-static struct setup *two_layers(void)
-{
-    struct setup *setup =
-        setup_new(grid_new(GRID_ALTERNATING, 13, 6, 0.26, 0.12, 0), isotropic(0.2, 400, 1e-4));
-    const struct grid *grid = &setup->grid;
-    size_t kept = 0, columns = grid->nx + 1, half = columns / 2;
-    for (size_t t = 0; t < grid->triangles; t++) {
-        size_t right = 0;
-        for (size_t k = 0; k < 3; k++)
-            right += grid->triangle[3 * t + k] % columns >= half;
-        if (right % 3 == 0)
-            memmove(grid->triangle + 3 * kept++, grid->triangle + 3 * t, 3 * sizeof *grid->triangle);
-    }
-    setup->desc.triangles = setup->grid.triangles = kept;
-    for (size_t i = 0; i < grid->vertices; i++) {
-        bool upper = i % columns >= half;
-        double *x = setup->x + 3 * i;
-        x[0] -= upper ? grid->uv[2 * half] + 0.01 : 0;
-        x[1] = 0.0029 + (upper ? 0.001 : 0);
-        x[2] += upper ? 0.007 : 0;
-    }
-    return setup;
-}
-
 /* And so is a load that passes from layer to layer. */
 static void test_redrape__friction_of_layers_holds_from_the_first(void **state)
 {
     (void)state;
-    struct setup *setup = two_layers();
+    struct setup *setup = setup_layers();
     drape_body ground = {.kind = DRAPE_BODY_PLANE, .offset = 0.003, .friction = 0.3, .axis = {0, 1, 0}};
     double pattern[2 * 14 * 7], slope = atan(0.2);
     setup->desc.body = &ground;

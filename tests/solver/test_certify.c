@@ -1,5 +1,19 @@
 /* test_certify.c - rest carried on to round-off and proven a minimum; saddles found out and left. */
+#include <time.h>
+
+#include "clock.h"
 #include "physics/run.h"
+
+/* In place of the solver's: each look at it takes `tick` s; 0: it is a clock. */
+static double tick, ticked;
+
+double dr_clock(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    ticked += tick;
+    return tick > 0 ? ticked : (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
 
 static drape_options certifying(drape_method method)
 {
@@ -263,6 +277,82 @@ static void test_certify__can_be_cancelled_and_keeps_the_rest(void **state)
     setup_free(setup);
 }
 
+/* ---- out of time ---- */
+
+/* Whenever the time runs out, that is the reason: also between Newton's end and the proof. */
+static void test_certify__a_proof_that_there_is_no_time_for_is_not_called_impossible(void **state)
+{
+    (void)state;
+    struct setup *setup = hanging(GRID_ONE, 8, 100, 1e-5);
+    drape_options options = certifying(DRAPE_METHOD_AUTO);
+    const double most = 4000;
+    size_t certified = 0, unproven = 0;
+    tick = 2; /* s: longer than what always begins */
+    options.time_limit = most;
+    for (double left = 0; left < 100; left += tick) {
+        struct run run = run_new(&setup->desc, &options);
+        const drape_certificate *c = &run.report->certificate;
+        bool late = c->reason && strstr(c->reason, "time limit");
+        certified += c->certified;
+        if (run.report->verdict == DRAPE_VERDICT_AT_REST && !c->certified)
+            assert_true(late);
+        unproven += late && c->largest_move < 1e-14 && c->curvature > 0;
+        if (left == 0)
+            options.time_limit = run.report->seconds;
+        options.time_limit -= tick;
+        run_done(&run);
+    }
+    tick = 0;
+    print_message("  %zu certified, %zu without time for the proof alone\n", certified, unproven);
+    assert_true(certified > 0 && unproven > 0);
+    setup_free(setup);
+}
+
+/* ---- layers ---- */
+
+/* A sheet on a slope of cloth that is held, itself held at a corner: without friction it would swing about
+ * that until it hung down the slope. */
+static struct setup *slope_of_cloth(void)
+{
+    struct setup *setup = setup_layers();
+    const double slope = atan(0.2);
+    size_t columns = setup->grid.nx + 1;
+    for (size_t i = 0; i < setup->grid.vertices; i++)
+        if (i % columns <= (i < columns ? columns / 2 : columns / 2 - 1))
+            setup->pin[setup->desc.pins++] = (uint32_t)i;
+    setup->material.friction = 0.4;
+    setup->desc.self_contact = DRAPE_SELF_CONTACT_ON;
+    setup->desc.gravity[0] = 9.81 * sin(slope);
+    setup->desc.gravity[1] = -9.81 * cos(slope);
+    return setup;
+}
+
+/* Explicit steps have no matrix to lend: that of the certificate has the layers' anchors all the same. And
+ * where these were renewed, the energies of a trace do not compare. */
+static void test_certify__friction_of_layers_alone_is_in_it(void **state)
+{
+    (void)state;
+    struct setup *setup = slope_of_cloth();
+    drape_options options = certifying(DRAPE_METHOD_AUTO);
+    struct run first = run_new(&setup->desc, &options);
+    tell(&first);
+    assert_true(first.report->certificate.certified);
+    assert_false(first.report->reference_rows);
+    memcpy(setup->x, first.x, 3 * setup->grid.vertices * sizeof *setup->x);
+    setup->desc.start_pattern = setup->grid.uv;
+    options.method = DRAPE_METHOD_DYNAMIC;
+    options.integrator = DRAPE_RK4;
+    options.time_step = 1e-5;
+    struct run again = run_new(&setup->desc, &options);
+    tell(&again);
+    assert_true(again.report->certificate.certified);
+    for (size_t i = 0; i < 3 * setup->grid.vertices; i++)
+        assert_near(again.x[i], first.x[i], 1e-5, 1);
+    run_done(&first);
+    run_done(&again);
+    setup_free(setup);
+}
+
 /* ---- over a body ---- */
 
 /* Held along one edge beside a ball and draped over it: the ball's curvature is in the Hessian, else Newton
@@ -300,6 +390,8 @@ int main(void)
         cmocka_unit_test(test_certify__cloth_that_may_slide_freely_is_not_a_strict_minimum),
         cmocka_unit_test(test_certify__what_is_not_at_rest_is_not_tried),
         cmocka_unit_test(test_certify__can_be_cancelled_and_keeps_the_rest),
+        cmocka_unit_test(test_certify__a_proof_that_there_is_no_time_for_is_not_called_impossible),
+        cmocka_unit_test(test_certify__friction_of_layers_alone_is_in_it),
         cmocka_unit_test(test_certify__cloth_over_a_ball_is_certified_with_the_contact),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
