@@ -290,7 +290,8 @@ static const struct argp argp = {
         "--fold, --scale and --outwards speak of the garment before them (or of the first, if they come "
         "before it).\v"
         "  drape scene -g shirt.obj -s shirt.seams -b body.obj -m cotton-poplin | drape run - -o shirt.glb\n"
-        "Layers are given from the inside out. The pieces of each must start outside of the one below:\n"
+        "Layers are given from the inside out. The pieces of each must start outside of those before\n"
+        "as they are once sewn:\n"
         "  drape scene -g shirt.obj -s shirt.seams -m silk \\\n"
         "    -g shirt.obj -s shirt.seams -m denim --scale 1.1 --outwards 0.1 -b body.obj",
 };

@@ -134,6 +134,11 @@ void dr_pairs_weld(struct dr_pairs *pairs, const uint32_t *weld)
     pairs->weld = weld;
 }
 
+void dr_pairs_without(struct dr_pairs *pairs, const bool *absent)
+{
+    pairs->absent = absent;
+}
+
 size_t dr_pairs_bytes(const struct dr_pairs *pairs)
 {
     const struct dr_mesh *mesh = pairs->mesh;
@@ -241,7 +246,7 @@ static inline bool find_in_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t
 {
     struct search *search = data;
     const struct dr_leaf *p = dr_bvh_leaf(bvh, a), *q = dr_bvh_leaf(bvh, b);
-    if (dr_pairs_one_part(search->pairs, p, q))
+    if (dr_pairs_are_free(search->pairs, p, q))
         return true;
     for (unsigned k = 0; k < 3; k++) {
         if (p->owned >> k & 1 && !try_face(search, p->node[k], q, bvh->box + b))

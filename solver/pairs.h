@@ -26,6 +26,7 @@ struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     const struct dr_mesh *mesh;
     const uint32_t *part; /* nodes, borrowed: what is of one part is never a pair; NULL: there are no parts */
     const uint32_t *weld; /* nodes, borrowed: nor is what shares one of these; NULL: nodes stay apart */
+    const bool *absent;   /* nodes, borrowed: nor is anything with one of these; NULL: none */
 
     size_t sides;            /* edges of the mesh */
     uint32_t *side;          /* 2*sides: the nodes of each, smaller first */
@@ -59,6 +60,10 @@ void dr_pairs_between(struct dr_pairs *pairs, const uint32_t *part);
  * parts that have it are no pair, and parts play no role: all else is kept apart. */
 void dr_pairs_weld(struct dr_pairs *pairs, const uint32_t *weld);
 
+/* From here on nothing of nodes that are `absent` (nodes, must outlive the pairs; the corners of a triangle
+ * have the same) is a pair; crossings are counted all the same. */
+void dr_pairs_without(struct dr_pairs *pairs, const bool *absent);
+
 /* Lists all pairs closer than `radius` (m) at x (3*nodes). Where that passes
  * DR_PAIRS_PER_TRIANGLE or DR_PAIRS_MAX_MEETINGS, the radius is halved, at last to 0 (no pairs): memory and
  * time stay in proportion to the mesh, and the list is complete up to pairs->radius, which tells. An error
@@ -85,11 +90,13 @@ size_t dr_pairs_crossings(struct dr_pairs *pairs, const double *x, struct dr_cro
 bool dr_pairs_cross(const struct dr_pairs *pairs, const double *x, uint32_t side, uint32_t triangle,
                     double ret_at[3]);
 
-/* Whether two triangles are of one part. */
-static inline bool dr_pairs_one_part(const struct dr_pairs *pairs, const struct dr_leaf *p,
+/* Whether nothing of two triangles is a pair: they are of one part, or one is absent. */
+static inline bool dr_pairs_are_free(const struct dr_pairs *pairs, const struct dr_leaf *p,
                                      const struct dr_leaf *q)
 {
-    return pairs->part && pairs->part[p->node[0]] == pairs->part[q->node[0]];
+    uint32_t a = p->node[0], b = q->node[0];
+    return (pairs->part && pairs->part[a] == pairs->part[b]) ||
+           (pairs->absent && (pairs->absent[a] || pairs->absent[b]));
 }
 
 /* Whether a node of one side of a pair will be one with a node of the other. Node: as in struct dr_pair. */

@@ -104,6 +104,12 @@ void dr_self_weld(struct dr_self *self, const uint32_t *weld)
     self->radius = 0; /* the pairs found before are others */
 }
 
+void dr_self_without(struct dr_self *self, const bool *absent)
+{
+    dr_pairs_without(self->pairs, absent);
+    self->radius = 0;
+}
+
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr)
 {

@@ -32,6 +32,9 @@ void dr_self_between(struct dr_self *self, const uint32_t *part);
 /* From here on all cloth is but for what nodes of the same number join; see dr_pairs_weld. */
 void dr_self_weld(struct dr_self *self, const uint32_t *weld);
 
+/* From here on nothing is kept off these nodes; see dr_pairs_without. */
+void dr_self_without(struct dr_self *self, const bool *absent);
+
 /* Gives it friction, once; for the coefficients see dr_rub_new. */
 drape_status dr_self_roughen(struct dr_self *self, const double *own, const double *rest, double mu,
                              drape_error *reterr);

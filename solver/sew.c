@@ -5,10 +5,12 @@
  * sleeves passed through the bodice; soft pieces invert along the seam.
  *
  * The pieces of the first garment may pass through one another on their way, but garments (parts of the
- * welded mesh) stay on the side of each other where they start. They are sewn one after the other, in the
- * order of their first vertices: two shirts closed at a time lock, each caught in the other's open seams.
- * What has yet to be sewn stays where it is. A garment that goes over another is kept off itself, too: held
- * away from the body by what is under it, it folds over at the armpits and is caught so. */
+ * welded mesh) are sewn one after the other, in the order of their first vertices, and none through those
+ * before: two shirts closed at a time lock, each caught in the other's open seams. What has yet to be sewn
+ * waits where it is, and nothing feels it: it need only start outside of what is sewn by then. To be outside
+ * of a dress's flat pieces a skirt had to start beyond the arms, and was pulled up along them to the neck. A
+ * garment that goes over another is kept off itself, too: held away from the body by what is under it, it
+ * folds over at the armpits and is caught so. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,9 +22,9 @@
 #define SPRING_FIRST         0.2  /* N/m */
 #define SPRING_LAST          1e5  /* N/m */
 #define SPRING_GROWTH        1.15 /* per step */
-#define PULL_FIRST           3 /* N per metre of seam, where layers must not be pulled through one another */
-#define PULL_LAST            30
-#define NEARLY_SHUT          0.005 /* m: nothing gets into such a seam any more */
+#define PULL_FIRST           3  /* N per metre of seam, where layers must not be pulled through one another */
+#define PULL_LAST            30 /* but SPRING_GROWTH times more for each step that closes nothing */
+#define CLOSING              5e-4  /* m: that the widest seam narrows by, or nothing closes */
 #define SLIDES               4     /* rounds over the pairs of layers */
 #define LONGEST_MOVE         0.005 /* m per node and step: pieces slide round a body, never through it */
 #define CONTACT_DEPTH        0.002 /* m below a surface that one step may end */
@@ -77,7 +79,8 @@ struct turn {
     uint32_t part;
     double spring; /* N/m */
     double most;   /* N: of one spring; INFINITY: no bound */
-    double last;   /* N: that it grows to until all are nearly shut */
+    double last;   /* N: that it grows to */
+    double least;  /* m: the widest seam, when last it had narrowed */
 };
 
 /* The springs' energy; forces added to f; *ret_gap: the widest seam of this turn and those before, and
@@ -171,6 +174,19 @@ static drape_status find_step(struct drape_sim *sim, struct dr_cloth *cloth, con
     return DRAPE_OK;
 }
 
+/* Springs for the next step; the widest of their seams is now `gap`. Their force is bounded so that what lies
+ * between yields in time. Where that has come to a halt it takes more, at most what the stiffest spring has:
+ * a waistband of 0.8 m gathers a dress where it is 1.1 m wide, and 30 N/m left it open by 15 mm. */
+static void tighten(struct turn *turn, double gap)
+{
+    turn->spring = fmin(turn->spring * SPRING_GROWTH, SPRING_LAST);
+    if (gap < turn->least - CLOSING)
+        turn->least = gap;
+    else if (turn->most >= turn->last)
+        turn->last *= SPRING_GROWTH;
+    turn->most = fmin(turn->most * SPRING_GROWTH, turn->last);
+}
+
 /* Closes the seams of one turn, as far as `most` steps do it. */
 static drape_status sew_turn(struct drape_sim *sim, struct dr_cloth *cloth, struct turn *turn, uint32_t most,
                              double *f, double *w, drape_error *reterr)
@@ -204,8 +220,7 @@ static drape_status sew_turn(struct drape_sim *sim, struct dr_cloth *cloth, stru
         dr_cloth_stress(cloth, x, w);
         for (size_t i = 0; i < 3 * cloth->mesh->nodes; i++)
             x[i] += w[i];
-        turn->spring = fmin(turn->spring * SPRING_GROWTH, SPRING_LAST);
-        turn->most = fmin(turn->most * SPRING_GROWTH, gap > NEARLY_SHUT ? turn->last : INFINITY);
+        tighten(turn, gap);
     }
 }
 
@@ -227,8 +242,12 @@ static size_t end_of_part(const drape_scene *scene, size_t first)
 static struct turn begin_turn(const struct dr_cloth *cloth, const drape_scene *scene, size_t first,
                               size_t end)
 {
-    struct turn turn = {
-        .first = first, .end = end, .spring = SPRING_FIRST, .most = INFINITY, .last = INFINITY};
+    struct turn turn = {.first = first,
+                        .end = end,
+                        .spring = SPRING_FIRST,
+                        .most = INFINITY,
+                        .last = INFINITY,
+                        .least = INFINITY};
     double area = 0;
     if (scene->piece_part)
         turn.part = scene->piece_part[scene->seam[2 * first]];
@@ -243,8 +262,24 @@ static struct turn begin_turn(const struct dr_cloth *cloth, const drape_scene *s
     return turn;
 }
 
+/* Marks the nodes of the garments with open seams from number `end` on: these have their turn yet. */
+static void find_waiting(const drape_scene *scene, size_t end, const double *x, bool *waiting)
+{
+    double way[3];
+    memset(waiting, 0, scene->vertices * sizeof *waiting);
+    for (size_t s = end, next; s < scene->seams; s = next) {
+        bool open = false;
+        next = end_of_part(scene, s);
+        for (size_t i = s; i < next; i++)
+            open = open || seam_gap(x, scene->seam + 2 * i, way) > DR_WELD_GAP;
+        for (size_t i = 0; open && i < scene->vertices; i++)
+            waiting[i] = waiting[i] || scene->piece_part[i] == scene->piece_part[scene->seam[2 * s]];
+    }
+}
+
+/* `waiting`: vertices. */
 static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, double *f, double *w,
-                               drape_error *reterr)
+                               bool *waiting, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
     uint32_t most =
@@ -253,6 +288,10 @@ static drape_status sew_pieces(struct drape_sim *sim, struct dr_cloth *cloth, do
     for (size_t first = 0, end; first < scene->seams && status >= 0; first = end) {
         end = end_of_part(scene, first);
         struct turn turn = begin_turn(cloth, scene, first, end);
+        if (cloth->self) {
+            find_waiting(scene, end, sim->positions, waiting);
+            dr_self_without(cloth->self, waiting);
+        }
         if (cloth->self && turn.part > 0)
             dr_self_weld(cloth->self, scene->vertex_node);
         status = sew_turn(sim, cloth, &turn, most, f, w, reterr);
@@ -266,20 +305,22 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
     double began = dr_clock();
     struct dr_cloth *cloth = NULL;
     double *f = malloc(3 * scene->vertices * sizeof *f), *w = malloc(3 * scene->vertices * sizeof *w);
-    drape_status status = f && w ? DRAPE_OK : dr_out_of_memory(reterr);
+    bool *waiting = malloc(scene->vertices * sizeof *waiting);
+    drape_status status = f && w && waiting ? DRAPE_OK : dr_out_of_memory(reterr);
     if (status >= 0)
         status = dr_cloth_new(&sim->plan.pieces, sim->positions, &cloth, reterr);
     if (status >= 0) {
         dr_matrix_set_base(cloth->A, 1 / (TIME_STEP * TIME_STEP));
         dr_cloth_stress(cloth, sim->positions, NULL);
-        status = sew_pieces(sim, cloth, f, w, reterr);
-        size_t bytes[DR_TERMS] = {[DR_TERM_SEWING] = 6 * scene->vertices * sizeof(double)};
+        status = sew_pieces(sim, cloth, f, w, waiting, reterr);
+        size_t bytes[DR_TERMS] = {[DR_TERM_SEWING] = scene->vertices * (6 * sizeof *f + sizeof *waiting)};
         dr_cloth_bytes(cloth, bytes);
         dr_plan_hold(&sim->plan, DRAPE_PHASE_SEWING, bytes);
     }
     dr_cloth_free(cloth);
     free(f);
     free(w);
+    free(waiting);
     sim->stage[DR_STAGE_SEW] = dr_clock() - began;
     return status;
 }

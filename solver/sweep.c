@@ -237,7 +237,7 @@ static inline bool sweep_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t b
 {
     struct sweep *sweep = data;
     const struct dr_leaf *p = dr_bvh_leaf(bvh, a), *q = dr_bvh_leaf(bvh, b);
-    if (dr_pairs_one_part(sweep->pairs, p, q))
+    if (dr_pairs_are_free(sweep->pairs, p, q))
         return true;
     for (unsigned k = 0; k < 3; k++) {
         if (p->owned >> k & 1)

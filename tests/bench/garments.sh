@@ -35,11 +35,11 @@ start_daemon
 # The most iterations that `auto` may take.
 declare -A target=([shirt]=60 [skirt8]=120 [dress]=150)
 
-# What a layer needs to start outside of the one below, found by crossings of the starts.
+# What a layer needs to start outside of the one below as that is once sewn.
 declare -A outer=(
     [shirt+shirt]='--scale 1.1 --outwards 0.1'
     [shirt_coarse+shirt_coarse]='--scale 1.1 --outwards 0.1'
-    [dress+skirt8]='--outwards 0.27'
+    [dress+skirt8]='--outwards 0.1' # more, and its sides start outside of the arms
 )
 
 # variant ROW: sets `avatar` (where the row's drape ends, what its crossings are counted against), `options` for drape

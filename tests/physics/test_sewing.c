@@ -183,12 +183,118 @@ static void test_sewing__the_mechanics_do_not_mind_how_triangles_are_wound(void 
     assert_close(potential[0], potential[1], 1e-6);
 }
 
+/* ---- one garment over another ------------------------------------------------------------------ */
+
+enum { WIDE = 16, HIGH = 6, CUFF = 2, TUBES = 2 }; /* cells round half of a tube, and along the two */
+
+/* A tube and a cuff round its middle, about an upright capsule of 50 mm, each of two flat halves in front and
+ * behind, `girth` all round and starting `away` from the axis. */
+struct tubes {
+    struct grid grid[TUBES];
+    double *x, *pattern;
+    uint32_t *triangle, seam[2 * 2 * (HIGH + 1 + CUFF + 1)];
+    drape_material material;
+    drape_body body;
+    drape_scene_desc desc;
+};
+
+static void place_half(struct tubes *t, size_t tube, size_t side, double away)
+{
+    const struct grid *grid = &t->grid[tube];
+    size_t first = 2 * tube * t->grid[0].vertices + side * grid->vertices,
+           other = 2 * tube * t->grid[0].vertices + (1 - side) * grid->vertices;
+    double width = grid->uv[2 * grid->nx], low = -(double)grid->ny * CELL / 2;
+    for (size_t v = 0; v < grid->vertices; v++) {
+        double *x = t->x + 3 * (first + v), right = grid->uv[2 * v] - width / 2;
+        x[0] = side ? -right : right;
+        x[1] = grid->uv[2 * v + 1] + low;
+        x[2] = side ? -away : away;
+        memcpy(t->pattern + 2 * (first + v), grid->uv + 2 * v, 2 * sizeof *t->pattern);
+    }
+    for (size_t i = 0; i < 3 * grid->triangles; i++)
+        t->triangle[3 * t->desc.triangles + i] = grid->triangle[i] + (uint32_t)first;
+    t->desc.triangles += grid->triangles;
+    for (size_t j = 0; j <= grid->ny; j++) { /* its right edge to the left one of the other half */
+        uint32_t *seam = t->seam + 2 * t->desc.seams++;
+        seam[0] = (uint32_t)first + grid_at(grid, WIDE, j);
+        seam[1] = (uint32_t)other + grid_at(grid, 0, j);
+    }
+}
+
+static struct tubes *tubes_new(const double girth[TUBES], const double away[TUBES])
+{
+    struct tubes *t = calloc(1, sizeof *t);
+    assert_non_null(t);
+    for (size_t i = 0; i < TUBES; i++)
+        t->grid[i] =
+            grid_new(GRID_ALTERNATING, WIDE, i ? CUFF : HIGH, girth[i] / 2, (i ? CUFF : HIGH) * CELL, 0);
+    t->desc = drape_scene_desc_default();
+    t->desc.vertices = 2 * (t->grid[0].vertices + t->grid[1].vertices);
+    size_t triangles = 2 * (t->grid[0].triangles + t->grid[1].triangles);
+    t->desc.positions = t->x = calloc(3 * t->desc.vertices, sizeof *t->x);
+    t->desc.pattern = t->pattern = calloc(2 * t->desc.vertices, sizeof *t->pattern);
+    t->desc.triangle = t->triangle = calloc(3 * triangles, sizeof *t->triangle);
+    assert_true(t->x && t->pattern && t->triangle);
+    for (size_t i = 0; i < TUBES; i++)
+        for (size_t side = 0; side < 2; side++)
+            place_half(t, i, side, away[i]);
+    t->material = isotropic(0.17, 400, 1e-5);
+    t->body = (drape_body){.kind = DRAPE_BODY_CAPSULE,
+                           .offset = DRAPE_DEFAULT_OFFSET,
+                           .friction = 0.3,
+                           .point = {0, -0.2, 0},
+                           .axis = {0, 0.3, 0},
+                           .radius = 0.05};
+    t->desc.seam = t->seam;
+    t->desc.material = &t->material;
+    t->desc.body = &t->body;
+    t->desc.materials = t->desc.bodies = 1;
+    return t;
+}
+
+static void tubes_free(struct tubes *t)
+{
+    for (size_t i = 0; i < TUBES; i++)
+        grid_done(&t->grid[i]);
+    free(t->x);
+    free(t->pattern);
+    free(t->triangle);
+    free(t);
+}
+
+/* It may start outside of the tube's halves, or between where these start and where they are once sewn; and
+ * it may be so narrow that it has to stretch by a seventh, to pull harder than what suffices for others. */
+static void test_sewing__a_cuff_closes_over_a_tube_without_crossing_it(void **state)
+{
+    (void)state;
+    static const struct {
+        double girth[TUBES], away[TUBES];
+    } cases[] = {{{0.38, 0.45}, {0.08, 0.12}}, {{0.38, 0.45}, {0.15, 0.1}}, {{0.345, 0.3}, {0.08, 0.12}}};
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        struct tubes *t = tubes_new(cases[c].girth, cases[c].away);
+        drape_options options = drape_options_default();
+        options.method = DRAPE_METHOD_DYNAMIC; /* as sewing leaves them */
+        options.time_step = DRAPE_MIN_TIME_STEP;
+        options.max_iterations = 1;
+        struct run run = run_new(&t->desc, &options);
+        print_message("  %.2f m over %.2f m: %u iterations, gap %.2f mm, %u crossings\n", cases[c].girth[1],
+                      cases[c].girth[0], run.report->sewing_iterations, 1e3 * run.report->seam_gap,
+                      run.report->self_intersections);
+        assert_true(run.report->seam_gap <= 1e-3);
+        assert_int_equal(run.report->self_intersections, 0);
+        assert_int_equal(run.report->penetrations, 0);
+        run_done(&run);
+        tubes_free(t);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sewing__sides_of_unequal_length_close_without_folding_over),
         cmocka_unit_test(test_sewing__eased_and_gathered_seams_come_to_rest),
         cmocka_unit_test(test_sewing__the_mechanics_do_not_mind_how_triangles_are_wound),
+        cmocka_unit_test(test_sewing__a_cuff_closes_over_a_tube_without_crossing_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

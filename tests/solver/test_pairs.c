@@ -335,6 +335,34 @@ static void test_pairs__between_parts_finds_only_those(void **state)
     shape_free(&shape);
 }
 
+/* The second of three layers within the radius of each other is absent: the pairs of the others are found. */
+static void test_pairs__of_absent_nodes_there_are_none(void **state)
+{
+    (void)state;
+    const size_t per = 9;
+    struct shape shape = sheets_stack(3, 3, 0.01, 0.002);
+    struct dr_mesh *mesh = sheets_mesh(shape.vertices, shape.triangles, shape.triangle);
+    struct dr_pairs *pairs = make(mesh);
+    bool absent[27];
+    size_t wanted[2] = {0};
+    for (size_t v = 0; v < 27; v++)
+        absent[v] = v / per == 1;
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.005, NULL), DRAPE_OK);
+    for (size_t i = 0; i < pairs->face_count; i++)
+        wanted[0] += !absent[pairs->faces[i].node[0]] && !absent[pairs->faces[i].node[1]];
+    for (size_t i = 0; i < pairs->edge_count; i++)
+        wanted[1] += !absent[pairs->edges[i].node[0]] && !absent[pairs->edges[i].node[2]];
+    assert_true(wanted[0] > 0 && wanted[0] < pairs->face_count);
+    assert_true(wanted[1] > 0 && wanted[1] < pairs->edge_count);
+    dr_pairs_without(pairs, absent);
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.005, NULL), DRAPE_OK);
+    assert_int_equal(pairs->face_count, wanted[0]);
+    assert_int_equal(pairs->edge_count, wanted[1]);
+    dr_pairs_free(pairs);
+    dr_mesh_free(mesh);
+    shape_free(&shape);
+}
+
 static bool would_share_a_node(const struct dr_pair *pair, size_t split, const uint32_t *weld)
 {
     for (size_t i = 0; i < split; i++)
@@ -669,6 +697,7 @@ int main(void)
         cmocka_unit_test(test_pairs__crumpled_sheets_against_everything),
         cmocka_unit_test(test_pairs__a_stack_of_layers_against_everything),
         cmocka_unit_test(test_pairs__between_parts_finds_only_those),
+        cmocka_unit_test(test_pairs__of_absent_nodes_there_are_none),
         cmocka_unit_test(test_pairs__welded_nodes_count_as_one),
         cmocka_unit_test(test_pairs__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_pairs__triangles_collapsed_to_lines_and_points),
