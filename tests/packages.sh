@@ -27,7 +27,7 @@ jq                    the demo and the tests read JSON with it'
 
 check='
 libcmocka-dev         the unit tests
-sqlite3               the store's integrity, looked at from outside
+sqlite3               the tests: whether the store is whole, seen from outside
 python3-jsonschema    the answers, held against the OpenAPI document
 systemd               the units: systemd-analyze, systemd-socket-activate
 lintian               the Debian package

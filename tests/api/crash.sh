@@ -56,7 +56,7 @@ submit "$work/small"; check 'and others run as ever' wait_for "$id" succeeded
 stop_daemon
 
 # ---- many kills at random moments under load
-kills=${DRAPED_TEST_KILLS:-50}
+kills=${DRAPED_TEST_KILLS:-200}
 data=$work/data-kills
 square 4 '.solver.max_iterations = 20' >"$work/small"
 : >"$work/accepted"
