@@ -231,13 +231,11 @@ bench-garments: ## drape real garments on a real body (hours): build/bench-garme
 	@$(MAKE) --no-print-directory $(JOBS) all $(API_TOOLS)
 	@tests/bench/garments.sh
 
+COVER ?= solver server client
 .PHONY: cover
-cover: ## run the unit and physics tests with gcov; line coverage per file
-	@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=cover tests
-	@find build/cover -name '*.gcda' -delete
-	@status=0; for t in $(TEST_SRC:tests/%.c=build/cover/tests/%); do $$t >/dev/null 2>&1 || { echo "FAIL $$t"; status=1; }; done; \
-	 cd build/cover && gcov -n $$(find . -path '*/obj/s*' -name '*.gcda' -o -path '*/obj/client/*' -name '*.gcda') 2>/dev/null \
-	 | awk -F"[':% ]+" '/^File/ {f = $$2} /^Lines executed/ && f ~ /^(solver|server|client)\// {printf "%6.1f %%  of %5d  %s\n", $$3, $$5, f; f = ""}' | sort -k5; exit $$status
+cover: ## line and branch coverage by gcov (COVER="server" picks folders)
+	@tests/packages.sh check
+	+@MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/cover.sh $(COVER)
 
 FUZZ_RUNS    ?= 100000
 FUZZ_SECONDS ?= 600
@@ -249,6 +247,24 @@ fuzz-long: ## run each fuzzer for FUZZ_SECONDS, growing its corpus in build/fuzz
 	@for f in $(FUZZ_SRC:tests/fuzz/%.c=%); do mkdir -p build/fuzz/corpus/$$f; \
 	 build/fuzz/tests/fuzz/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 \
 	   -artifact_prefix=build/fuzz/ build/fuzz/corpus/$$f $$(ls -d tests/fuzz/corpus/$$f 2>/dev/null) || exit 1; done
+
+.PHONY: break break-long
+break: ## run all that tries to break the daemon, as make check does; its counts land in build/break-short.md
+	@tests/packages.sh check
+	+@$(MAKE) --no-print-directory $(JOBS) all tests
+	+@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=fuzz CC=clang fuzzers
+	@tests/break.sh short $(BREAK)
+break-long: ## the same in the sizes for a night (BREAK="kill slow" picks): build/break-long.md
+	@tests/packages.sh check
+	+@$(MAKE) --no-print-directory $(JOBS) all tests
+	+@$(MAKE) --no-print-directory $(JOBS) FLAVOUR=fuzz CC=clang fuzzers
+	@tests/break.sh long $(BREAK)
+
+.PHONY: bench-load
+bench-load: ## count status requests a second while every worker solves: build/bench-load.md
+	@tests/packages.sh build && tests/packages.sh bench
+	@$(MAKE) --no-print-directory $(JOBS) all
+	@tests/bench/load.sh
 
 # ---- upkeep --------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Installs the Debian packages that a build lacks, saying which and why; silent when none is missing.
-# usage: tests/packages.sh build|check|upkeep|deb
+# usage: tests/packages.sh build|check|upkeep|deb|bench
 set -euo pipefail
 
 build='
@@ -45,6 +45,9 @@ clang-tidy            make lint
 cppcheck              make lint
 jq                    make compile_commands.json'
 
+bench='
+wrk                   make bench-load: requests as fast as they are answered'
+
 deb='
 dpkg-dev              make deb: the packages that the programs need'
 
@@ -53,7 +56,8 @@ build) list=$build ;;
 check) list=$build$check$deb ;;
 upkeep) list=$upkeep ;;
 deb) list=$build$deb ;;
-*) echo "usage: $0 build|check|upkeep|deb" >&2; exit 2 ;;
+bench) list=$build$bench ;;
+*) echo "usage: $0 build|check|upkeep|deb|bench" >&2; exit 2 ;;
 esac
 
 if ! command -v dpkg-query >/dev/null; then

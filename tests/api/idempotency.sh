@@ -164,5 +164,6 @@ while :; do
     cursor="&cursor=${BASH_REMATCH[1]}"
 done
 is "and there are $races jobs, after $kills kills" "$listed" "$races"
+echo "# $races keys, 8 posters each, $kills kills: $listed jobs"
 stop_daemon; is 'the daemon stops with status 0' "$status" 0
 finish
