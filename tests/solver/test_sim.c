@@ -675,8 +675,8 @@ static void test_sim__every_allocation_may_fail(void **state)
     e.desc.bodies = 1;
     e.options.max_iterations = 2;
     failed += sweep(&e);
-    static const double here[] = {0, -0.1, 0, 1, -0.1, 0, 0, -0.1, 1, 0, -1, 0};
-    static const double there[] = {0.01, -0.1, 0, 1.01, -0.1, 0, 0.01, -0.1, 1, 0.01, -1, 0};
+    static const double here[] = {0, -0.1, 0, 0.3, -0.1, 0, 0, -0.1, 0.3, 0, -0.4, 0};
+    static const double there[] = {0.01, -0.1, 0, 0.31, -0.1, 0, 0.01, -0.1, 0.3, 0.01, -0.4, 0};
     static const double *const keyframe[] = {there};
     static const uint32_t sides[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
     drape_body table = {.offset = 0.003,
