@@ -214,7 +214,7 @@ static int open_listener(struct server *s, const char *name, const struct sockad
         return fail(name, strerror(errno));
     if (getsockname(fd, (struct sockaddr *)ret, &size) != 0)
         return fail(name, strerror(errno));
-    if (ret->ss_family != AF_UNIX && !config_is_loopback(ret))
+    if (s->config.keys[0] == '\0' && ret->ss_family != AF_UNIX && !config_is_loopback(ret))
         return fail(name, "without keys only this machine is served");
     *ret_fd = fd;
     return 0;

@@ -472,6 +472,16 @@ int queue_admits(struct queue *queue, const char *owner, struct problem *reterr)
     return result;
 }
 
+/* The body that a job has as soon as it is in the line. It is made before the commit: what is answered is kept
+ * with the job, to be given again word for word. */
+static char *body_to_be(struct queue *queue, struct item *item)
+{
+    line_enter(queue->line, &item->place, false);
+    char *body = body_of(queue, item);
+    line_leave(queue->line, &item->place);
+    return body;
+}
+
 /* Takes the item's place among the queued jobs, which it has from here on. 0 with the body that is answered,
  * or -1 with *reterr. */
 static int reserve(struct queue *queue, struct item *item, char **ret_body, struct problem *reterr)
@@ -480,8 +490,7 @@ static int reserve(struct queue *queue, struct item *item, char **ret_body, stru
     int failed = admits(queue, item->job.owner, reterr);
     if (!failed && own_item(queue, item) != 0)
         failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    /* Before the commit: what is answered is kept with the job, to be given again word for word. */
-    *ret_body = failed ? NULL : job_body(&item->job, queue->queued);
+    *ret_body = failed ? NULL : body_to_be(queue, item);
     if (!failed && *ret_body == NULL) {
         disown_item(queue, item);
         failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");

