@@ -92,7 +92,8 @@ static void put_paths(FILE *out, const json_t *openapi)
     json_t *operations;
     json_object_foreach(json_object_get(openapi, "paths"), path, operations)
     {
-        put_path(out, path, operations);
+        if (json_object_get(operations, "servers") == NULL) /* else it is answered elsewhere */
+            put_path(out, path, operations);
     }
 }
 
