@@ -107,7 +107,7 @@ fi
 data=$work/disk/data
 mkdir "$work/disk"
 mount -t tmpfs -o size=20m none "$work/disk"
-start_daemon --workers 1
+start_daemon --workers 1 --min-free 0
 for i in 1 2 3; do post_named "d$i"; ids[i]=$id; wait_for "$id" succeeded; done
 submit "$work/long"; long=$id
 wait_for "$long" running
@@ -123,7 +123,7 @@ request DELETE "/v1/jobs/$waits"; is 'one that waits is cancelled' "$code" 202
 request DELETE "/v1/jobs/$long"; is 'so is one that runs' "$code" 202
 check 'and ends' wait_for "$long" canceled
 kill_daemon
-start_daemon --workers 1 --retain-jobs 0
+start_daemon --workers 1 --min-free 0 --retain-jobs 0
 check 'killed and started on the full disk it prunes' until_true code_is "/v1/jobs/${ids[3]}" 410
 rm "$work/disk/others"
 post_named after; is 'relieved it accepts at once' "$code" 202
