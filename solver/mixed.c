@@ -21,7 +21,8 @@
  *     gradients with the same factor; steps are scaled down as a whole to what the model holds, and
  * friction's anchors are renewed at every other state. Without that new contacts come as a surprise, steps
  * are refused and h collapses. Gaps between parts of the cloth are seen alike, and the step is also scaled
- * down to what takes no part through another (sweep.h).
+ * down to what takes no part through another (sweep.h); where that is next to nothing, only the nodes that
+ * would go through are held back.
  *  5. The false stretch Q that a step makes is taken out at once where it matters, by one or two Newton steps
  *     from where it led: conjugate gradients on the Hessian there, whose preconditioner is the factor at
  * hand, turned with the cloth (turn.h). Else every other iteration does nothing but that. This is the
@@ -71,6 +72,7 @@
 #define MOST_STRAIN   0.5  /* likewise */
 #define MOST_TRUE     0.05 /* likewise, of a step with the true Hessian */
 #define MOST_HALVINGS 20   /* of a step that the model says climbs */
+#define LOCKED        0.1  /* part of a step that the cloth allows; below, single nodes are held */
 #define MOST_TURN     0.6  /* rad: of a corrected step, while its gaps are looked at */
 
 /* Of the second-order correction */
@@ -354,6 +356,22 @@ static void scale_step(struct dr_state *s, double scale)
     look_at_gaps(s);
 }
 
+/* Shortens the moves of only those nodes that would run into one another. A pair that is all but shut would
+ * hold the whole cloth: each step closes a part of what is left, and the next one is scaled down to less. */
+static void hold_single(struct dr_state *s)
+{
+    const struct dr_mesh *mesh = s->cloth->mesh;
+    double *r = s->extra[RESIDUAL], *dropped = s->extra[DROPPED];
+    dr_self_clip(s->cloth->self, s->x, s->w);
+    memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
+    if (s->corrected)
+        dr_cloth_left_out(s->cloth, s->x, s->w, dropped);
+    dr_matrix_multiply(s->cloth->A, s->w, r);
+    for (size_t i = 0; i < 3 * mesh->nodes; i++)
+        r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i] - dropped[i];
+    look_at_gaps(s);
+}
+
 /* Scales a step down that is too long for the model to hold, beyond `limit` of second-order strain. False: it
  * was not, but may have been for the cloth. */
 static bool shorten(struct dr_state *s, double limit)
@@ -365,14 +383,18 @@ static bool shorten(struct dr_state *s, double limit)
             fmax(longest, sqrt(s->w[i] * s->w[i] + s->w[i + 1] * s->w[i + 1] + s->w[i + 2] * s->w[i + 2]));
     dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
     double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest));
-    bool shortened = scale < 1;
+    bool shortened = scale < 1, locked = false;
     if (s->cloth->self) {
         for (size_t i = 0; i < count; i++)
             s->x_next[i] = scale * s->w[i]; /* free until the move */
-        scale *= dr_self_allows(s->cloth->self, s->x, s->x_next);
+        double allowed = dr_self_allows(s->cloth->self, s->x, s->x_next);
+        locked = allowed < LOCKED;
+        scale *= locked ? 1 : allowed;
     }
     if (scale < 1)
         scale_step(s, scale);
+    if (locked)
+        hold_single(s);
     /* Newton's method on the gaps may have ended early, above where it began. */
     for (int i = 0; i < MOST_HALVINGS && predict(s) < -noise_of(s); i++) {
         shortened = true;

@@ -10,6 +10,9 @@
 /* Rounds of shortening single moves, before all are. */
 #define MAX_ROUNDS 12
 
+/* What a pair that is shut keeps of its distance: hardly less, but so that it may open. */
+#define ALMOST 0.999
+
 /* Pairs of triangles that one walk looks at, per triangle: what moves by up to an edge has about 10. */
 #define MAX_MEETINGS 128
 
@@ -75,7 +78,9 @@ struct bounds {
 
 static struct bounds bounds_of(double distance, double keep)
 {
-    double start = distance < DR_SWEEP_NEAR ? distance : DR_SWEEP_NEAR, goal = keep * start;
+    double start = distance < DR_SWEEP_NEAR ? distance : DR_SWEEP_NEAR;
+    double least = start * ALMOST < DR_SWEEP_SHUT ? start * ALMOST : DR_SWEEP_SHUT;
+    double goal = keep * start > least ? keep * start : least;
     return (struct bounds){goal, start - DR_SWEEP_CLOSED * (start - goal)};
 }
 
@@ -209,12 +214,12 @@ static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, vo
     const struct dr_box *p = bvh->box + a, *q = bvh->box + b, *v = bvh->move + a, *w = bvh->move + b;
     struct axis x = along(p, q, v, w, 0, sweep->t), y = along(p, q, v, w, 1, sweep->t),
                 z = along(p, q, v, w, 2, sweep->t);
-    double goal = sweep->keep * DR_SWEEP_NEAR;
+    double goal = bounds_of(DR_SWEEP_NEAR, sweep->keep).goal;
     if (x.left > goal || y.left > goal || z.left > goal)
         return false;
     double gap = sqrt(x.gap * x.gap + y.gap * y.gap + z.gap * z.gap);
     double length = sqrt(x.length * x.length + y.length * y.length + z.length * z.length);
-    return sweep->t * length > gap - (gap < DR_SWEEP_NEAR ? sweep->keep * gap : goal) &&
+    return sweep->t * length > gap - bounds_of(gap, sweep->keep).goal &&
            x.reach + y.reach + z.reach > DR_SWEEP_TOUCHING; /* else all is in one point */
 }
 

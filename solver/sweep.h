@@ -2,7 +2,9 @@
  *
  * A pair of parts (vertex and triangle, or two edges, that share no node) meets where its distance falls to
  * `keep` times what it is at the start, 0 < keep < 1, or to keep*DR_SWEEP_NEAR if that is less: parts far
- * apart may come close, or layers could not slide over each other. Found by conservative advancement, as in
+ * apart may come close, or layers could not slide over each other. But below DR_SWEEP_SHUT it does not fall
+ * except, from there, by a thousandth a step: pairs that step by step closed a part of what was left came to
+ * DR_SWEEP_TOUCHING, and through. Found by conservative advancement, as in
  * the additive CCD of [Li, Kaufman, Jiang: Codimensional incremental potential contact, SIGGRAPH 2021,
  * algorithm 1], but for the bound on how fast a pair closes: theirs is the length of the relative motion,
  * ours its part along the line between the closest points, so that sliding is not taken for closing. What is
@@ -21,6 +23,7 @@
 
 #define DR_SWEEP_NEAR     5e-4 /* m: a cloth's thickness */
 #define DR_SWEEP_CLOSED   0.9
+#define DR_SWEEP_SHUT     1e-7  /* m */
 #define DR_SWEEP_TOUCHING 1e-12 /* m */
 
 /* The largest t in 0..1 such that on the way x + s w, 0 <= s <= t, no pair meets. x, w: 3*nodes. 0 also where

@@ -392,6 +392,34 @@ static void test_layers__explicit_steps_do_not_run_away_where_layers_stop(void *
     setup_free(stack.setup);
 }
 
+/* The uppermost of three sheets presses harder on the middle one, all of which is pinned, than the penalty
+ * bears, so that its pairs close as far as any step lets them. The lowest, pinned along one edge, comes to
+ * hang all the same. */
+static void test_layers__where_two_are_shut_the_rest_goes_on(void **state)
+{
+    (void)state;
+    struct stack stack;
+    drape_options options = drape_options_default();
+    stack_new(&stack, 3, 0.01, isotropic(0.1, 1e5, 1e-5));
+    struct setup *setup = stack.setup;
+    for (size_t i = 0; i < 2 * stack.each; i++)
+        if (i >= stack.each || setup->grid.uv[2 * i] == 0)
+            setup->pin[setup->desc.pins++] = (uint32_t)i;
+    lay_on_ground(&stack, 0);
+    stack.ground.point[1] = -1;
+    setup->desc.gravity[1] = -2e5;
+    options.max_iterations = 100;
+    struct run run = run_new(&setup->desc, &options);
+    tell("pressed shut", &run);
+    print_message("  the lowest has sunk by %.3g mm, the uppermost is %.3g um above the middle one\n",
+                  -1e3 * mean_of(&stack, 0, run.x, 1),
+                  1e6 * (mean_of(&stack, 2, run.x, 1) - mean_of(&stack, 1, run.x, 1)));
+    assert_true(mean_of(&stack, 0, run.x, 1) < -0.48 * SIDE);
+    assert_int_equal(run.report->self_intersections, 0);
+    run_done(&run);
+    setup_free(setup);
+}
+
 /* ---- the plan ----------------------------------------------------------------------------------- */
 
 static const drape_term *self_contact_term(const drape_report *report)
@@ -453,6 +481,7 @@ int main(void)
         cmocka_unit_test(test_layers__what_is_held_does_not_creep),
         cmocka_unit_test(test_layers__a_fold_does_not_pass_through_itself),
         cmocka_unit_test(test_layers__explicit_steps_do_not_run_away_where_layers_stop),
+        cmocka_unit_test(test_layers__where_two_are_shut_the_rest_goes_on),
         cmocka_unit_test(test_layers__the_plan_says_whether_cloth_feels_cloth_and_why),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
