@@ -166,7 +166,7 @@ square() {
     }' | jq -c "${2:-.}"
 }
 # A job that never comes to rest by itself: undamped dynamics for as long as the limits allow.
-endless() { square "${1:-24}" '.solver.method = "dynamic" | .solver.tolerance = 1e-9 | .solver.max_iterations = 100000'"${2:-}"; }
+endless() { square "${1:-24}" '.solver.method = "dynamic" | .solver.tolerance = 1e-99 | .solver.max_iterations = 100000'"${2:-}"; }
 
 # submit FILE: posts it; sets id, or leaves it empty.
 submit() {
