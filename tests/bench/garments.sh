@@ -8,7 +8,7 @@
 #                            moves: shirt@posture skirt8@posture                    (all but shirt_coarse+shirt_coarse)
 #   METHODS='auto dynamic'   NAME or NAME:MEMBER=WORD,...   (auto stop-and-go:stop_on=kinetic dynamic)
 #   FABRIC=denim             a preset instead of the fabric of the targets
-#   TIME_LIMIT=60            seconds of a run               (600)
+#   TIME_LIMIT=60            seconds of a run               (1800)
 #   ITERATIONS=100           iterations of a run            (400)
 . "$(dirname "$0")/lib.sh"
 out=build/bench-garments
@@ -19,7 +19,7 @@ tools=build/release/tests/api
 bodies=$shared/bodies
 fabric=${FABRIC:-'the fabric of the targets (0.17 kg/m2, 400/400/100 N/m, bending 1e-5 N m)'}
 friction=0.3
-limit=${TIME_LIMIT:-600}
+limit=${TIME_LIMIT:-1800}
 most=${ITERATIONS:-400}
 rows='shirt_coarse shirt skirt8 dress shirt+shirt dress+skirt8'
 rows+=' shirt@larger shirt@large_body shirt@posture skirt8@posture'
