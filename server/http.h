@@ -123,8 +123,8 @@ struct http_answer *http_answer_stream(struct http *http, const char *type, http
                                        void (*end)(void *data), void *data, struct http_wake **ret_wake);
 void http_wake(struct http_wake *wake); /* any thread, from creation until `end` is called */
 
-/* Adds a header; NULL answers are fine. `format` must not yield line breaks. An answer that there was no memory
- * to add one to is sent as a bare 500, like one that is NULL. */
+/* Adds a header; NULL answers are fine. `format` must not yield line breaks. An answer that there was no
+ * memory to add one to is sent as a bare 500, like one that is NULL. */
 __attribute__((format(printf, 3, 4))) void http_answer_header(struct http_answer *answer, const char *name,
                                                               const char *format, ...);
 struct http_answer *http_answer_free(struct http_answer *answer); /* one that was never sent */

@@ -157,8 +157,8 @@ static int load(const char *path, const struct quota *defaults, struct key **ret
         return problem_set(reterr, PROBLEM_STORAGE, "%s is no file of up to %zu bytes.", path,
                            KEYS_FILE_BYTES);
     if (st.st_mode & S_IROTH)
-        log_event(LOG_LEVEL_WARNING, "keys.readable", "path=\"%s\" why=\"everybody may read it; try chmod 600\"",
-                  path);
+        log_event(LOG_LEVEL_WARNING, "keys.readable",
+                  "path=\"%s\" why=\"everybody may read it; try chmod 600\"", path);
     if (files_read(AT_FDCWD, path, &text, &bytes) != 0)
         return problem_set(reterr, PROBLEM_STORAGE, "%s: %s.", path, strerror(errno));
     int failed = keys_parse(text, bytes, defaults, ret, ret_count, reterr);

@@ -472,8 +472,8 @@ int queue_admits(struct queue *queue, const char *owner, struct problem *reterr)
     return result;
 }
 
-/* The body that a job has as soon as it is in the line. It is made before the commit: what is answered is kept
- * with the job, to be given again word for word. */
+/* The body that a job has as soon as it is in the line. It is made before the commit: what is answered is
+ * kept with the job, to be given again word for word. */
 static char *body_to_be(struct queue *queue, struct item *item)
 {
     line_enter(queue->line, &item->place, false);

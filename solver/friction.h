@@ -49,7 +49,8 @@ void dr_friction_carry(struct dr_friction *friction, const struct dr_motor *moto
 
 /* For a cloth that came to rest at x before, where the anchors have just been taken: f (3*nodes, N) are the
  * forces there. What of them runs along the surface is taken to have been held, up to mu N; each anchor moves
- * to where it holds that, too, and f is what is left. Returns the most that any anchor's force changed by, N. */
+ * to where it holds that, too, and f is what is left. Returns the most that any anchor's force changed by, N.
+ */
 double dr_friction_brace(struct dr_friction *friction, const double *x, double *f);
 
 /* One anchor's part of that: changes the slip u by a force of `more` along the surface (N), of `limit` at

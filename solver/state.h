@@ -80,9 +80,9 @@ extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, 
 /* Goes on with another method, which needs the same matrix; makes the arrays that it lacks. */
 drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr);
 
-/* Assembles with `indefinite` (see dr_cloth_assemble), factorises, and accounts for the time. *ret_definite tells whether that
- * went well; where there was no time left for it, gave_up says so. The status is negative only when memory
- * ran out. */
+/* Assembles with `indefinite` (see dr_cloth_assemble), factorises, and accounts for the time. *ret_definite
+ * tells whether that went well; where there was no time left for it, gave_up says so. The status is negative
+ * only when memory ran out. */
 drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret_definite,
                                 drape_error *reterr);
 

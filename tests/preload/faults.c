@@ -238,7 +238,8 @@ typedef int step_fn(void *statement);
 int sqlite3_step(void *statement);
 
 /* A full disk at any statement, COMMIT among them. The statement is not run. SQLite's own calls, for instance
- * to read the schema, look for the error in the statement and would take it for read to its end: they pass. */
+ * to read the schema, look for the error in the statement and would take it for read to its end: they pass.
+ */
 int sqlite3_step(void *statement)
 {
     NEXT(step_fn, "sqlite3_step");

@@ -8,8 +8,9 @@
 #include "keys.h"
 #include "log.h"
 
-#define DIGEST_OF_ABC "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad" /* FIPS 180-2, B.1  \
-                                                                                          */
+#define DIGEST_OF_ABC                                                                                        \
+    "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad" /* FIPS 180-2, B.1                    \
+                                                                        */
 #define OTHER_DIGEST "00000000000000000000000000000000000000000000000000000000000000ff"
 
 static const struct quota defaults = {.queued = 7, .running = 3, .mesh_bytes = 500};
