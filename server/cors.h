@@ -12,8 +12,7 @@
     "Authorization, Content-Type, Content-Encoding, Content-Digest, Idempotency-Key, Last-Event-ID, "        \
     "If-None-Match, Prefer, traceparent, X-Request-Id"
 #define CORS_EXPOSED                                                                                         \
-    "Location, Retry-After, ETag, Link, RateLimit, RateLimit-Policy, Preference-Applied, "                   \
-    "Idempotency-Replayed, X-Request-Id"
+    "Location, Retry-After, ETag, Link, Preference-Applied, Idempotency-Replayed, X-Request-Id"
 #define CORS_MAX_AGE "7200" /* s: two hours, as long as any browser keeps a preflight */
 
 /* NULL when `text` is an origin as browsers send it ("https://shop.example:8443": lower case, nothing behind

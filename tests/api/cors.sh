@@ -24,7 +24,7 @@ start_daemon --workers 1 --cors-origin $shop --cors-origin $other
 # allowed NAME ORIGIN: the last answer may be read by that page.
 allowed() {
     is "$1" "$(header access-control-allow-origin) $(grep -ci '^vary: origin' "$headers") $(grep -ci '^access-control-allow-credentials' "$headers")" "$2 1 0"
-    like "$1, with its headers" "$(header access-control-expose-headers)" 'Location, Retry-After, ETag, Link, RateLimit'
+    like "$1, with its headers" "$(header access-control-expose-headers)" 'Location, Retry-After, ETag, Link, Preference-Applied'
 }
 denied() { is "$1" "$(grep -ci '^access-control' "$headers") $(grep -ci '^vary: origin' "$headers")" '0 1'; }
 square 4 >"$work/job"
