@@ -1,6 +1,6 @@
 #!/bin/bash
 # Clients that dribble or stall hold nobody else up, and are cut.
-# DRAPED_TEST_SLOW: how many of each kind; DRAPED_TEST_TIMES=1 also holds health to 50 ms (make break-slow does both).
+# DRAPED_TEST_SLOW: how many of each kind; DRAPED_TEST_TIMES=1 also holds health to 50 ms (make break-long does both).
 . "$(dirname "$0")/lib.sh"
 clients=${DRAPED_TEST_SLOW:-200}
 slow=build/release/tests/api/slow_clients
