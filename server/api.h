@@ -40,6 +40,7 @@ struct api { /* wired by main; outlives the listeners */
     struct hub *hub;
     struct metrics *metrics;
     struct fields *fields;
+    drape_analyses *analyses;
     struct waits *waits;
     struct claims *claims;
     struct executor *clerk, *reader;

@@ -14,7 +14,8 @@
 #define CONFIG_MAX_WORKERS 256 /* OpenBLAS as Debian builds it serves few callers more */
 
 /* A person's field takes 14 MiB, the largest there can be 80: room for the bodies of a shop's few sizes. */
-#define CONFIG_FIELD_CACHE_BYTES ((size_t)256 << 20)
+#define CONFIG_FIELD_CACHE_BYTES    ((size_t)256 << 20)
+#define CONFIG_ANALYSIS_CACHE_BYTES ((size_t)64 << 20)
 
 /* The largest result, a cloth of 200 000 vertices in every format with its trace, takes some 60 MB. */
 #define CONFIG_MIN_FREE_BYTES ((size_t)64 << 20)
@@ -39,7 +40,8 @@ struct config {
     char cors_origins[CONFIG_TEXT_SIZE]; /* with blanks between them; "": none */
     unsigned workers;
     unsigned drain_seconds;
-    size_t field_cache_bytes; /* see fields.h */
+    size_t field_cache_bytes;    /* see fields.h */
+    size_t analysis_cache_bytes; /* see drape_analyses_new */
     size_t min_free_bytes;
     struct store_policy retain;
     enum log_level log_level;

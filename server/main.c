@@ -94,6 +94,14 @@ static void measure_process(struct metrics *metrics)
     metrics_set(metrics, METRIC_RESIDENT_BYTES, resident_bytes());
 }
 
+static void measure_analyses(const struct api *api)
+{
+    drape_analyses_counts counts = drape_analyses_count(api->analyses);
+    metrics_set(api->metrics, METRIC_ANALYSIS_HITS, (double)counts.hits);
+    metrics_set(api->metrics, METRIC_ANALYSIS_MISSES, (double)counts.misses);
+    metrics_set(api->metrics, METRIC_ANALYSIS_BYTES, (double)counts.bytes);
+}
+
 /* On the clerk's thread: what asks the disk, and so may never come back. */
 static void look_at_data(void *data)
 {
@@ -106,6 +114,7 @@ static void look_at_data(void *data)
         metrics_set(s->api.metrics, METRIC_BYTES_FREE, (double)space.f_bavail * (double)space.f_frsize);
     }
     measure_process(s->api.metrics);
+    measure_analyses(&s->api);
     store_ask(s->api.store, NULL); /* that it answers is what counts: what it refuses, it logs */
     health_see(health, PULSE_STORE, clock_monotonic_ms());
     atomic_store(&s->looking, false);
@@ -255,7 +264,8 @@ static int make_rooms(struct server *s)
     if (about_open(api) != 0 || (api->metrics = metrics_new()) == NULL ||
         (api->hub = hub_new(s->config.limits.streams, s->config.limits.streams_per_key)) == NULL ||
         (api->waits = waits_new(&answers)) == NULL || (api->claims = claims_new()) == NULL ||
-        (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL)
+        (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL ||
+        (api->analyses = drape_analyses_new(s->config.analysis_cache_bytes)) == NULL)
         return fail("rooms", "out of memory");
     if (s->config.keys[0] != '\0' &&
         keys_open(s->config.keys, &s->config.limits.key, &api->keys, &problem) != 0)
@@ -271,7 +281,8 @@ static int make_rooms(struct server *s)
                                 .workers = s->config.workers,
                                 .changed = on_job_changed,
                                 .data = api,
-                                .fields = api->fields};
+                                .fields = api->fields,
+                                .analyses = api->analyses};
     api->queue = queue_new(&setup);
     /* Every connection may have one thing waiting at the clerk's; and a wait that expires, and our own look.
      */
@@ -402,6 +413,7 @@ static void stop(struct server *s)
     api->queue = queue_free(api->queue);
     s->retention = retention_free(s->retention);
     api->fields = fields_free(api->fields);
+    api->analyses = drape_analyses_free(api->analyses);
     api->waits = waits_free(api->waits);
     api->claims = claims_free(api->claims);
     api->hub = hub_free(api->hub);

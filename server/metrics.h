@@ -24,6 +24,9 @@ enum metric { /* names, help and types: the table in metrics.c, in this order */
               METRIC_FIELD_MISSES,
               METRIC_FIELD_BYTES,
               METRIC_FIELD_SECONDS, /* observed at each that is built */
+              METRIC_ANALYSIS_HITS,
+              METRIC_ANALYSIS_MISSES,
+              METRIC_ANALYSIS_BYTES,
               METRIC_STREAMS,
               METRIC_CONNECTIONS,
               METRIC_BYTES_FREE,

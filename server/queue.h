@@ -21,6 +21,7 @@
 #include "store.h"
 #include "stream.h"
 
+struct drape_analyses;
 struct fields;
 struct metrics;
 struct queue;
@@ -38,7 +39,8 @@ struct queue_setup {
     /* After each change, in order, with the queue's lock held; `body` is lent. May be NULL. */
     void (*changed)(const char *id, struct revision revision, bool ended, const char *body, void *data);
     void *data;
-    struct fields *fields; /* NULL: each job builds the distance fields of its bodies for itself */
+    struct fields *fields;           /* NULL: each job builds the distance fields of its bodies for itself */
+    struct drape_analyses *analyses; /* NULL: each job analyses its matrices for itself */
 };
 
 struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of memory */

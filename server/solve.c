@@ -84,6 +84,7 @@ static drape_status drape(struct run *run, struct problem *reterr)
     drape_options options = run->spec->options;
     options.progress = on_progress;
     options.progress_data = run;
+    options.analyses = run->task->analyses;
     options.memory_limit = run->task->limits->job_memory;
     drape_status status = share_fields(run, &error);
     if (status >= 0)

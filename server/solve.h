@@ -13,6 +13,7 @@
 /* At most four progress reports a second, as the contract promises. */
 #define SOLVE_PROGRESS_MS 250
 
+struct drape_analyses;
 struct fields;
 
 struct solve_task {
@@ -23,7 +24,8 @@ struct solve_task {
     atomic_bool *stop;                        /* looked at once an iteration */
     void (*progress)(char *json, void *data); /* on the solving thread; takes the text */
     void *data;
-    struct fields *fields; /* NULL: the job builds the distance fields of its bodies for itself */
+    struct fields *fields;           /* NULL: the job builds the distance fields of its bodies for itself */
+    struct drape_analyses *analyses; /* NULL: the job analyses its matrices for itself */
 };
 
 enum solve_end { SOLVE_DONE = 0, SOLVE_STOPPED, SOLVE_FAILED };

@@ -109,7 +109,8 @@ static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth
         status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &cloth->stiffness, reterr);
     if (status >= 0)
         status = dr_matrix_new(plan->mesh, cloth->stiffness, link ? link : plan->link, links,
-                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, &cloth->A, reterr);
+                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, plan->analyses,
+                               &cloth->A, reterr);
     free(link);
     return status;
 }

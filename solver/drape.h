@@ -313,6 +313,25 @@ drape_scene *drape_scene_free(drape_scene *scene); /* NULL is fine; returns NULL
 drape_status drape_carry(const drape_scene_desc *desc, const drape_body *from, const drape_body *to,
                          double *positions, drape_error *reterr);
 
+/* ---- what jobs share ------------------------------------------------------------------------ */
+
+/* Elimination orders and symbolic factors of step matrices, kept for the next sim whose cloth has the same
+ * triangles, seams and pins, whatever its fabric, pattern and place. They depend on nothing else, so that a
+ * run is the same to the last bit with them and without. Only the matrix that a phase begins with is looked
+ * for: places that cloth touching itself adds are analysed as they come. One lock inside; any thread. */
+typedef struct drape_analyses drape_analyses;
+
+typedef struct drape_analyses_counts {
+    uint64_t hits, misses; /* of matrices looked for */
+    size_t bytes;          /* held */
+} drape_analyses_counts;
+
+/* Past `max_bytes` those used longest ago are let go. NULL: out of memory. */
+drape_analyses *drape_analyses_new(size_t max_bytes);
+drape_analyses *
+drape_analyses_free(drape_analyses *analyses); /* no sim uses it; NULL is fine; returns NULL */
+drape_analyses_counts drape_analyses_count(drape_analyses *analyses);
+
 /* ---- options -------------------------------------------------------------------------------- */
 
 typedef enum drape_method {
@@ -403,6 +422,7 @@ typedef struct drape_options {   /* start from drape_options_default() */
     uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
     double time_limit;           /* s of wall time, > 0; 120: see below */
     size_t memory_limit;         /* bytes, see below; 0: none */
+    drape_analyses *analyses;    /* to take from and to add to, which must outlive the sim; may be NULL */
     drape_progress_fn *progress; /* may be NULL */
     void *progress_data;
 } drape_options;

@@ -18,6 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "analysis.h"
 #include "error.h"
 
 /* Where a block lives in the values. length 0: one of its nodes is held, there is no block. */
@@ -114,7 +115,7 @@ static bool collect_pairs(const struct dr_mesh *mesh, const struct dr_bend_stiff
  * METIS would save 7 % of the time and 20 % of the memory at 10 000 to 14 000 triangles, but it takes
  * over the process's SIGTERM and SIGABRT handlers, shares the C library's rand() between threads and
  * prints when memory runs out: not what a library may do inside a daemon. */
-static bool order_nodes(struct dr_matrix *A, const struct pairs *pairs)
+static bool order_nodes(struct dr_matrix *A, const struct pairs *pairs, uint32_t *ret)
 {
     cholmod_common *common = &A->common;
     cholmod_sparse *graph =
@@ -133,24 +134,29 @@ static bool order_nodes(struct dr_matrix *A, const struct pairs *pairs)
     common->nmethods = 1;
     common->method[0].ordering = CHOLMOD_AMD;
     common->postorder = true;
+    common->supernodal = CHOLMOD_SIMPLICIAL; /* only the order is wanted */
     cholmod_factor *analysis = cholmod_analyze(graph, common);
-    if (analysis) {
-        const int *perm = analysis->Perm; /* perm[k] = the row eliminated k-th */
-        uint32_t *order = malloc(A->free * sizeof *order);
-        if (order) {
-            for (size_t k = 0; k < A->free; k++)
-                order[k] = A->node[perm[k]];
-            memcpy(A->node, order, A->free * sizeof *order);
-            for (size_t k = 0; k < A->free; k++)
-                A->row[order[k]] = (uint32_t)k;
-        } else {
-            common->status = CHOLMOD_OUT_OF_MEMORY;
-        }
-        free(order);
-    }
+    const int *perm = analysis ? analysis->Perm : NULL; /* perm[k] = the row eliminated k-th */
+    for (size_t k = 0; perm && k < A->free; k++)
+        ret[k] = (uint32_t)perm[k];
     cholmod_free_factor(&analysis, common);
     cholmod_free_sparse(&graph, common);
-    return common->status >= CHOLMOD_OK;
+    return perm;
+}
+
+/* Numbers the free nodes anew: order[k] comes k-th. */
+static bool renumber(struct dr_matrix *A, const uint32_t *order)
+{
+    uint32_t *node = malloc(A->free * sizeof *node);
+    if (!node)
+        return false;
+    for (size_t k = 0; k < A->free; k++) {
+        node[k] = A->node[order[k]];
+        A->row[node[k]] = (uint32_t)k;
+    }
+    free(A->node);
+    A->node = node;
+    return true;
 }
 
 static bool build_columns(struct dr_matrix *A, const struct pairs *pairs)
@@ -254,27 +260,59 @@ static bool build_slots(struct dr_matrix *A, const uint32_t *link, size_t links)
     return true;
 }
 
+/* The symbolic factor of the columns as they are. */
 static bool analyse(struct dr_matrix *A)
 {
     cholmod_common *common = &A->common;
     common->method[0].ordering = CHOLMOD_NATURAL; /* the numbering already is the elimination order */
     common->postorder = false;
     common->supernodal = A->factor == DR_LDL ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
-    common->final_ll = A->factor == DR_CHOLESKY;
     A->L = cholmod_analyze(A->A, common);
-    if (!A->L)
-        return false;
     A->flops = common->fl;
     A->entries = common->lnz;
-    A->w = cholmod_zeros(3 * A->free, 2, CHOLMOD_REAL, common);
-    A->e = cholmod_zeros(A->L->maxesize ? A->L->maxesize : 1, 2, CHOLMOD_REAL, common);
+    return A->L;
+}
+
+static bool build_workspace(struct dr_matrix *A)
+{
+    A->w = cholmod_zeros(3 * A->free, 2, CHOLMOD_REAL, &A->common);
+    A->e = cholmod_zeros(A->L->maxesize ? A->L->maxesize : 1, 2, CHOLMOD_REAL, &A->common);
     return A->w && A->e;
+}
+
+/* Orders the nodes, lays out the columns and analyses them, or takes order and analysis from `analyses`
+ * (NULL: there are none to take and none to keep) and lays out the columns. */
+static bool order_and_analyse(struct dr_matrix *A, const uint32_t *link, size_t links, size_t named,
+                              drape_analyses *analyses, const struct pairs *pairs, uint32_t *order)
+{
+    struct dr_analysis analysis = {.free = A->free,
+                                   .pairs = pairs->count,
+                                   .key = pairs->key,
+                                   .order = order,
+                                   .simplicial = A->factor == DR_LDL};
+    struct pairs ordered = {NULL, 0};
+    bool found = analyses && dr_analyses_find(analyses, &analysis, &A->common);
+    A->L = analysis.L;
+    A->flops = analysis.flops;
+    A->entries = analysis.entries;
+    bool built = (found || order_nodes(A, pairs, order)) && renumber(A, order) &&
+                 collect_pairs(A->mesh, A->bend, link, links, A->row, &ordered) &&
+                 build_columns(A, &ordered) && build_slots(A, link, named) && (found || analyse(A)) &&
+                 build_workspace(A);
+    free(ordered.key);
+    if (built && analyses && !found) {
+        analysis.L = A->L;
+        analysis.flops = A->flops;
+        analysis.entries = A->entries;
+        dr_analyses_keep(analyses, &analysis);
+    }
+    return built;
 }
 
 /* Numbers the free nodes, lays out the columns and has CHOLMOD analyse them. The first `named` links can be
  * added to by number. */
 static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t links, size_t named,
-                          drape_error *reterr)
+                          drape_analyses *analyses, drape_error *reterr)
 {
     struct pairs pairs = {NULL, 0};
     A->mass_factor = NAN;
@@ -297,11 +335,9 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
         return dr_fail(reterr, DRAPE_EINVAL, DRAPE_AT_NOWHERE, -1,
                        "the step matrix needs more than 2^31 entries: too many vertices");
     }
-    bool ordered = order_nodes(A, &pairs);
-    free(pairs.key);
-    pairs.key = NULL;
-    bool built = ordered && collect_pairs(A->mesh, A->bend, link, links, A->row, &pairs) &&
-                 build_columns(A, &pairs) && build_slots(A, link, named) && analyse(A);
+    uint32_t *order = malloc(A->free * sizeof *order);
+    bool built = order && order_and_analyse(A, link, links, named, analyses, &pairs, order);
+    free(order);
     free(pairs.key);
     return built ? DRAPE_OK : dr_out_of_memory(reterr);
 }
@@ -324,8 +360,8 @@ static void raze(struct dr_matrix *A)
 }
 
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
-                           const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
-                           drape_error *reterr)
+                           const uint32_t *link, size_t links, enum dr_factor factor,
+                           drape_analyses *analyses, struct dr_matrix **ret, drape_error *reterr)
 {
     struct dr_matrix *A = calloc(1, sizeof *A);
     if (!A)
@@ -333,10 +369,11 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     cholmod_start(&A->common);
     A->common.print = 0;
     A->common.quick_return_if_not_posdef = true;
+    A->common.final_ll = factor == DR_CHOLESKY;
     A->mesh = mesh;
     A->bend = bend;
     A->factor = factor;
-    drape_status status = build(A, link, links, links, reterr);
+    drape_status status = build(A, link, links, links, analyses, reterr);
     if (status < 0)
         dr_matrix_free(A);
     else
@@ -356,7 +393,7 @@ drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t 
     if (links)
         memcpy(joined + 2 * named, link, 2 * links * sizeof *joined);
     raze(A);
-    drape_status status = build(A, joined, named + links, named, reterr);
+    drape_status status = build(A, joined, named + links, named, NULL, reterr);
     free(joined);
     if (status >= 0 && !isnan(mass_factor))
         dr_matrix_set_base(A, mass_factor);

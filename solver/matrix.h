@@ -20,10 +20,11 @@ enum dr_factor {
 
 /* Pattern: the mesh's triangles, the bending stiffness (NULL: none) and `links` extra pairs of nodes
  * (2*links, NULL if 0), which are copied; mesh and bending stiffness must outlive the matrix.
+ * `analyses` (NULL: none) is looked at for the pattern's symbolic factor, and given it.
  * DRAPE_EINVAL when it needs more entries than a 32-bit index counts. */
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
-                           const uint32_t *link, size_t links, enum dr_factor factor, struct dr_matrix **ret,
-                           drape_error *reterr);
+                           const uint32_t *link, size_t links, enum dr_factor factor,
+                           drape_analyses *analyses, struct dr_matrix **ret, drape_error *reterr);
 
 /* The same with places for the blocks of these pairs of nodes, too, beside the links given at creation, and
  * zero but for the base; there is no factor until the next factorisation. After a failure nothing may be done

@@ -155,6 +155,7 @@ void dr_plan_compile(struct drape_sim *sim)
         .folds = scene->hinges > 0,
         .tacks = scene->tacks > 0,
         .matrix = plan->method->matrix,
+        .analyses = sim->options.analyses,
     };
     if (scene->pieces && sim->options.max_iterations)
         plan->pieces = (struct dr_cloth_plan){
@@ -169,6 +170,7 @@ void dr_plan_compile(struct drape_sim *sim)
             .link = scene->seam,
             .links = scene->seams,
             .matrix = DR_MATRIX_CHOLESKY,
+            .analyses = sim->options.analyses,
         };
     if (scene->path && sim->options.max_iterations) {
         plan->moved = plan->welded;

@@ -54,6 +54,7 @@ struct dr_cloth_plan {
     const uint32_t *link;                  /* 2*links: node pairs that springs will join; NULL: none */
     size_t links;
     enum dr_cloth_matrix matrix; /* and its factor */
+    drape_analyses *analyses;    /* NULL: none */
 };
 
 struct dr_plan {

@@ -33,6 +33,13 @@ check 'and another on the same' wait_for "$id" succeeded 120
 request GET "$admin/metrics"
 like 'the body was built once' "$(grep '^draped_field_cache_' "$body" | tr '\n' ' ')" \
     'hits_total 1 .*misses_total 1 .*bytes [1-9]'
+# Nor is their cloth analysed again for a third job. The figures are a second old at most.
+submit "$work/job"
+check 'a third succeeds' wait_for "$id" succeeded 120
+deadline=$((SECONDS + 10))
+until request GET "$admin/metrics"; analysis=$(grep '^draped_analysis_cache_' "$body" | tr '\n' ' ')
+    [[ $analysis =~ hits_total\ [1-9] ]] || ((SECONDS >= deadline)); do sleep 0.1; done
+like 'the cloth had been analysed' "$analysis" 'hits_total [1-9].*misses_total [1-9].*bytes [1-9]'
 request GET /v1/jobs; is 'jobs are listed' "$code" 200
 request GET /v1/materials; is 'materials are listed' "$code" 200
 request GET /v1/info; is 'info is given' "$code" 200

@@ -114,6 +114,9 @@ static void test_config__each_flag_sets_its_own_member(void **state)
     assert_int_equal(config.field_cache_bytes, CONFIG_FIELD_CACHE_BYTES);
     assert_int_equal(parse("--field-cache=0", NULL), 0);
     assert_int_equal(config.field_cache_bytes, 0);
+    assert_int_equal(config.analysis_cache_bytes, CONFIG_ANALYSIS_CACHE_BYTES);
+    assert_int_equal(parse("--analysis-cache=0", NULL), 0);
+    assert_int_equal(config.analysis_cache_bytes, 0);
     assert_int_equal(parse("--log-level=debug", "--url-file=/tmp/u"), 0);
     assert_int_equal(config.log_level, LOG_LEVEL_DEBUG);
     assert_string_equal(config.url_file, "/tmp/u");
@@ -174,6 +177,7 @@ static void test_config__numbers_out_of_range_are_refused(void **state)
                              "--max-body=1",
                              "--job-memory=999999",
                              "--field-cache=-1",
+                             "--analysis-cache=-1",
                              "--max-queued=0",
                              "--max-vertices=99999999",
                              "--max-queued=99999999999999999999",

@@ -76,7 +76,7 @@ static struct dr_matrix *assemble(struct system *s, enum dr_factor factor)
     struct dr_matrix *A = NULL;
     uint64_t seed = 5;
     const double dt = 0.1;
-    assert_int_equal(dr_matrix_new(s->mesh, s->bend, s->link, 2, factor, &A, NULL), DRAPE_OK);
+    assert_int_equal(dr_matrix_new(s->mesh, s->bend, s->link, 2, factor, NULL, &A, NULL), DRAPE_OK);
     dr_matrix_set_base(A, 1 / (dt * dt));
     dr_matrix_reset(A);
     for (uint32_t i = 0; i < NODES; i++)
@@ -234,7 +234,7 @@ static void test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven(v
     struct dr_mesh *mesh;
     struct dr_matrix *A;
     assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
-    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
     const double g = (3 + 2) * 0x1p-53, large = 1e6;
     const double c = g / (1 - 2 * g) * 3 * large;
     const double curvature[] = {large, 1e-3, 1.01 * c, 0.99 * c, 0, -1e-3};
@@ -264,7 +264,7 @@ static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **sta
     struct dr_mesh *mesh;
     struct dr_matrix *A;
     assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
-    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
     double b[9] = {1, 2, 3}, w[9] = {7, 7, 7, 7, 7, 7, 7, 7, 7}, H[9][9] = {{0}};
     bool memory;
     dr_matrix_set_base(A, 100);

@@ -40,7 +40,7 @@ static void make(struct sheet *s)
                                  &s->mesh, NULL),
                      0);
     assert_int_equal(dr_stretch_new(s->mesh, &cloth, 1, &s->stretch, NULL), 0);
-    assert_int_equal(dr_matrix_new(s->mesh, NULL, NULL, 0, DR_CHOLESKY, &s->A, NULL), 0);
+    assert_int_equal(dr_matrix_new(s->mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &s->A, NULL), 0);
 }
 
 static void release(struct sheet *s)
