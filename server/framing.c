@@ -14,6 +14,9 @@ static const char token_bytes[] =
 
 static const char host_bytes[] = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-._~";
 
+/* What is no list (RFC 9110 section 5.3), and would be heeded. */
+static const char *const single_headers[] = {"Authorization", "Content-Type", "Idempotency-Key"};
+
 static void find_fault(struct framing *f, bool faulty, enum problem_code code, const char *fault)
 {
     if (!faulty || f->fault != NULL)
@@ -90,6 +93,17 @@ static bool is_host(const char *value)
     return *value == '\0';
 }
 
+static void check_single(struct framing *f, const char *name)
+{
+    for (unsigned i = 0; i < sizeof single_headers / sizeof *single_headers; i++) {
+        if (strcasecmp(name, single_headers[i]) != 0)
+            continue;
+        find_bad(f, (f->seen & 1u << i) != 0,
+                 "Authorization, Content-Type and Idempotency-Key may be given once each.");
+        f->seen |= 1u << i;
+    }
+}
+
 void framing_header(struct framing *f, const char *name, size_t name_bytes, const char *value,
                     size_t value_bytes)
 {
@@ -98,6 +112,7 @@ void framing_header(struct framing *f, const char *name, size_t name_bytes, cons
     find_bad(f, has_controls(value, value_bytes), "A header's value has control characters.");
     find_bad(f, f->in_place && (name != f->at || !are_together(name, name_bytes, value)),
              "A line of the head is folded, has a NUL, or does not end in CR LF.");
+    check_single(f, name);
     f->at = value + value_bytes + 2;
     if (strcasecmp(name, "Content-Length") == 0) {
         f->content_lengths++;

@@ -2,7 +2,8 @@
  *
  * libmicrohttpd 0.9.75 lets requests pass whose end another server would see elsewhere, so that what
  * follows them is a request to one and a body to the other (request smuggling). What it tells of a head
- * is checked here: lengths, codings, hosts, characters. It parses a head where it was received and puts
+ * is checked here: lengths, codings, hosts, characters, and headers with one meaning that are given twice, of
+ * which another server would heed the other. It parses a head where it was received and puts
  * NULs in place of separators, so where the pieces lie tells the rest: lines that end in a bare LF, NULs
  * within them, folded headers, blanks in the request line. (NULs just before an LF look like a CR.) Pure
  * text, no sockets. */
@@ -22,6 +23,7 @@ struct framing { /* of one head; framing_target fills it */
     bool http_1_0;
     const char *host; /* NULL: none yet */
     unsigned content_lengths, transfer_encodings, hosts;
+    unsigned seen;          /* a bit for each header that may be given once only and was */
     enum problem_code code; /* of the first fault; PROBLEM_NONE: none yet */
     const char *fault;
 };

@@ -83,6 +83,24 @@ static void test_framing__lengths_and_codings_are_given_once(void **state)
                         "The only transfer encoding understood is chunked, in HTTP/1.1.");
 }
 
+static void test_framing__what_has_one_meaning_is_given_once(void **state)
+{
+    (void)state;
+    static const char *const single[] = {"Authorization", "Content-Type", "Idempotency-Key"};
+    char head[256];
+    for (size_t i = 0; i < sizeof single / sizeof *single; i++) {
+        int n = snprintf(head, sizeof head, LINE "Host: h\r\n%s: a\r\n\r\n", single[i]);
+        assert_string_equal(fault_of(head, (size_t)n), "");
+        n = snprintf(head, sizeof head, LINE "Host: h\r\n%s: a\r\nX: y\r\n%s: a\r\n\r\n", single[i],
+                     i == 0 ? "aUTHORIZATION" : single[i]);
+        assert_string_equal(fault_of(head, (size_t)n),
+                            "Authorization, Content-Type and Idempotency-Key may be given once each.");
+    }
+    assert_string_equal(FAULT(LINE "Host: h\r\nAuthorization: a\r\nContent-Type: a\r\nIdempotency-Key: a\r\n"
+                                   "Accept: a\r\nAccept: a\r\n\r\n"),
+                        "");
+}
+
 static void test_framing__hosts_are_one_name_or_address(void **state)
 {
     (void)state;
@@ -138,6 +156,7 @@ int main(void)
         cmocka_unit_test(test_framing__a_nul_does_not_hide),
         cmocka_unit_test(test_framing__the_request_line_is_three_words),
         cmocka_unit_test(test_framing__lengths_and_codings_are_given_once),
+        cmocka_unit_test(test_framing__what_has_one_meaning_is_given_once),
         cmocka_unit_test(test_framing__hosts_are_one_name_or_address),
         cmocka_unit_test(test_framing__an_expectation_that_nobody_meets_is_417),
         cmocka_unit_test(test_framing__targets_are_paths_of_this_host),
