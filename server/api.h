@@ -45,6 +45,7 @@ struct api { /* wired by main; outlives the listeners */
     struct claims *claims;
     struct executor *clerk, *reader;
     struct page page[PAGES];
+    char *interface;  /* of the page at / (page.h); owned */
     const char *blas; /* the BLAS kernel in use */
     struct health health;
 };

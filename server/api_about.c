@@ -67,11 +67,12 @@ void about_info(struct call *call)
 int about_open(struct api *api)
 {
     char *materials = jsonout_text(schema_materials_json());
+    const size_t openapi_bytes = (size_t)(asset_openapi_end - asset_openapi);
+    api->interface = page_interface(asset_openapi, openapi_bytes);
     int failed =
-        materials == NULL ||
+        materials == NULL || api->interface == NULL ||
         page_make("application/json", materials, strlen(materials), &api->page[PAGE_MATERIALS]) != 0 ||
-        page_make("application/json", asset_openapi, (size_t)(asset_openapi_end - asset_openapi),
-                  &api->page[PAGE_OPENAPI]) != 0;
+        page_make("application/json", asset_openapi, openapi_bytes, &api->page[PAGE_OPENAPI]) != 0;
     free(materials);
     return failed ? -1 : 0;
 }
@@ -80,6 +81,7 @@ void about_close(struct api *api)
 {
     for (size_t i = 0; i < PAGES; i++)
         page_done(&api->page[i]);
+    free(api->interface);
 }
 
 void about_materials(struct call *call)
@@ -102,8 +104,7 @@ void about_root(struct call *call)
                                .streams = hub_followers(api->hub)};
     queue_count(api->queue, &facts.queued, &facts.running);
     struct http_answer *answer =
-        http_answer_text(200, "text/html; charset=utf-8",
-                         page_html(&facts, asset_openapi, (size_t)(asset_openapi_end - asset_openapi)));
+        http_answer_text(200, "text/html; charset=utf-8", page_html(&facts, api->interface));
     http_answer_header(answer, "Cache-Control", "no-cache");
     http_answer_header(answer, "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'");
     http_answer_header(answer, "X-Content-Type-Options", "nosniff");

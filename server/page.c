@@ -97,19 +97,37 @@ static void put_paths(FILE *out, const json_t *openapi)
     }
 }
 
-char *page_html(const struct page_facts *facts, const char *openapi, size_t openapi_bytes)
+/* Ends what open_memstream began: the text, or NULL. */
+static char *close_text(FILE *out, char **text)
+{
+    bool failed = ferror(out) != 0;
+    if (fclose(out) == 0 && !failed)
+        return *text;
+    free(*text);
+    return NULL;
+}
+
+char *page_interface(const char *openapi, size_t openapi_bytes)
 {
     char *text = NULL;
     size_t bytes;
     json_t *document = json_loadb(openapi, openapi_bytes, 0, NULL);
-    FILE *out = open_memstream(&text, &bytes);
-    if (document == NULL || out == NULL) {
-        json_decref(document);
-        if (out != NULL)
-            fclose(out);
-        free(text);
-        return NULL;
+    FILE *out = document == NULL ? NULL : open_memstream(&text, &bytes);
+    if (out != NULL) {
+        put_paths(out, document);
+        text = close_text(out, &text);
     }
+    json_decref(document);
+    return text;
+}
+
+char *page_html(const struct page_facts *facts, const char *interface)
+{
+    char *text = NULL;
+    size_t bytes;
+    FILE *out = open_memstream(&text, &bytes);
+    if (out == NULL)
+        return NULL;
     fputs(head, out);
     if (facts->counts) {
         fputs("<h2>Now</h2>\n<dl>\n", out);
@@ -120,14 +138,9 @@ char *page_html(const struct page_facts *facts, const char *openapi, size_t open
         fputs("</dl>\n", out);
     }
     fputs(documents, out);
-    put_paths(out, document);
+    fputs(interface, out);
     fputs("</table>\n<p>Version ", out);
     put_escaped(out, facts->version);
     fputs("</p>\n</body>\n</html>\n", out);
-    json_decref(document);
-    bool failed = ferror(out) != 0;
-    if (fclose(out) == 0 && !failed)
-        return text;
-    free(text);
-    return NULL;
+    return close_text(out, &text);
 }

@@ -12,8 +12,11 @@ struct page_facts {
     unsigned workers, streams;
 };
 
-/* HTML without scripts, malloc'd; the table lists the operations of the OpenAPI document. NULL when out of
- * memory. */
-char *page_html(const struct page_facts *facts, const char *openapi, size_t openapi_bytes);
+/* What of the page stays as it is: the operations of the OpenAPI document, as rows of a table; malloc'd. NULL
+ * when it is no JSON or out of memory. */
+char *page_interface(const char *openapi, size_t openapi_bytes);
+
+/* HTML without scripts, malloc'd; `interface` is what page_interface gave. NULL when out of memory. */
+char *page_html(const struct page_facts *facts, const char *interface);
 
 #endif

@@ -49,7 +49,7 @@ static const struct route route_table[] = {
     {ROUTES_API, "GET", "/v1/materials", ON_LOOP, NO_BODY, JSON, "", about_materials},
     {ROUTES_API, "GET", "/v1/info", ON_LOOP, NO_BODY, JSON, "", about_info},
     {ROUTES_API, "GET", "/openapi.json", ON_LOOP, NO_BODY, JSON, "", about_openapi},
-    {ROUTES_API, "GET", "/", ON_CLERK, NO_BODY, "text/html", "", about_root},
+    {ROUTES_API, "GET", "/", ON_LOOP, NO_BODY, "text/html", "", about_root},
     {ROUTES_ADMIN, "GET", "/livez", ON_LOOP, NO_BODY, NULL, "", admin_livez},
     {ROUTES_ADMIN, "GET", "/readyz", ON_LOOP, NO_BODY, NULL, "", admin_readyz},
     {ROUTES_ADMIN, "GET", "/metrics", ON_LOOP, NO_BODY, NULL, "", admin_metrics},

@@ -12,7 +12,9 @@ static void test_page__figures_and_operations_are_on_it(void **state)
 {
     (void)state;
     const struct page_facts facts = {"1.2.3", true, 7, 2, 4, 11};
-    char *page = page_html(&facts, OPENAPI, sizeof OPENAPI - 1);
+    char *interface = page_interface(OPENAPI, sizeof OPENAPI - 1);
+    assert_non_null(interface);
+    char *page = page_html(&facts, interface);
     assert_non_null(page);
     assert_non_null(strstr(page, "<dt>queued</dt><dd>7</dd>"));
     assert_non_null(strstr(page, "<dt>running</dt><dd>2</dd>"));
@@ -26,24 +28,24 @@ static void test_page__figures_and_operations_are_on_it(void **state)
     assert_null(strstr(page, "<script"));
     free(page);
     const struct page_facts silent = {"1.2.3", false, 7, 2, 4, 11};
-    page = page_html(&silent, OPENAPI, sizeof OPENAPI - 1);
+    page = page_html(&silent, interface);
     assert_non_null(page);
     assert_null(strstr(page, "queued"));
     free(page);
+    free(interface);
 }
 
-static void test_page__a_document_that_is_none_gives_no_page(void **state)
+static void test_page__a_document_that_is_none_has_no_interface(void **state)
 {
     (void)state;
-    const struct page_facts facts = {"1", true, 0, 0, 0, 0};
-    assert_null(page_html(&facts, "{", 1));
+    assert_null(page_interface("{", 1));
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_page__figures_and_operations_are_on_it),
-        cmocka_unit_test(test_page__a_document_that_is_none_gives_no_page),
+        cmocka_unit_test(test_page__a_document_that_is_none_has_no_interface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
