@@ -24,12 +24,24 @@
 
 /* ---- answers ------------------------------------------------------------------------------------- */
 
+#define ETAG_SIZE (REVISION_SIZE + STAMP_SIZE + 3)
+
+/* The revision, for people, and a stamp of all that is told: a place in the line moves without a revision,
+ * and what is strong must tell (RFC 9110 section 8.8.1). */
+static void format_etag(struct revision revision, const char *body, char ret[ETAG_SIZE])
+{
+    char text[REVISION_SIZE], stamp[STAMP_SIZE];
+    revision_format(revision, text);
+    id_stamp(body, strlen(body), stamp);
+    snprintf(ret, ETAG_SIZE, "\"%s-%s\"", text, stamp);
+}
+
 static struct http_answer *answer_body(int status, struct revision revision, char *body, bool ended)
 {
-    char text[REVISION_SIZE];
-    revision_format(revision, text);
+    char etag[ETAG_SIZE];
+    format_etag(revision, body, etag);
     struct http_answer *answer = http_answer_text(status, "application/json", body);
-    http_answer_header(answer, "ETag", "\"%s\"", text);
+    http_answer_header(answer, "ETag", "%s", etag);
     http_answer_header(answer, "Cache-Control", "no-cache");
     if (!ended)
         http_answer_header(answer, "Retry-After", "1");
@@ -82,9 +94,8 @@ static struct http_answer *answer_post(const struct call *call, const char *id, 
 
 static struct http_answer *answer_get(struct call *call, struct revision revision, char *body, bool ended)
 {
-    char etag[REVISION_SIZE + 2], text[REVISION_SIZE];
-    revision_format(revision, text);
-    snprintf(etag, sizeof etag, "\"%s\"", text);
+    char etag[ETAG_SIZE];
+    format_etag(revision, body, etag);
     if (!negotiate_unchanged(http_header(call->request, "If-None-Match"), etag))
         return answer_body(200, revision, body, ended);
     free(body);
@@ -313,19 +324,33 @@ static void get_stored(struct call *call)
         http_send(call->request, answer_get(call, revision, body, ended));
 }
 
+/* Whether what the client has is not the job as it stands: there is nothing to wait for. */
+static bool is_news(const struct call *call, struct revision revision, const char *body)
+{
+    char etag[ETAG_SIZE];
+    const char *header = http_header(call->request, "If-None-Match");
+    format_etag(revision, body, etag);
+    return header != NULL && !negotiate_unchanged(header, etag);
+}
+
 /* A long poll, on the clerk's thread. With If-None-Match it waits for another revision, else for the end. */
 static void get_waiting(struct call *call)
 {
-    struct revision seen = {0, 0};
-    char text[REVISION_SIZE] = "";
-    const char *header = http_header(call->request, "If-None-Match");
-    int seconds = negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S);
-    if (header != NULL && strncmp(header, "W/", 2) == 0)
-        header += 2; /* weakened on the way, by a proxy that compresses */
-    if (header != NULL && (sscanf(header, "\"%23[0-9.]\"", text) != 1 || revision_parse(text, &seen) != 0))
-        get_stored(call); /* several tags, or none of ours: nothing to wait for */
-    else
-        wait_for_job(call, call->id, seen, seconds);
+    struct problem problem;
+    struct revision revision, end = {0, 0};
+    char *body;
+    bool ended;
+    int found = job_look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem);
+    if (found != 0) {
+        job_refuse_unknown(call, found, &problem);
+    } else if (is_news(call, revision, body)) {
+        http_send(call->request, answer_get(call, revision, body, ended));
+    } else {
+        bool conditional = http_header(call->request, "If-None-Match") != NULL;
+        free(body);
+        wait_for_job(call, call->id, conditional ? revision : end,
+                     negotiate_wait(http_header(call->request, "Prefer"), WAIT_MAX_S));
+    }
 }
 
 /* Of jobs that have not ended, from memory: costs microseconds, whatever the workers and the disk do. */

@@ -38,3 +38,11 @@ bool sha256_valid(const char *text)
 {
     return lower_hex(text, SHA256_SIZE - 1);
 }
+
+void id_stamp(const void *data, size_t bytes, char ret[STAMP_SIZE])
+{
+    static const unsigned char key[crypto_shorthash_KEYBYTES]; /* nothing secret: the same after a restart */
+    unsigned char hash[crypto_shorthash_BYTES];
+    crypto_shorthash(hash, data, bytes, key);
+    sodium_bin2hex(ret, STAMP_SIZE, hash, sizeof hash);
+}

@@ -97,7 +97,7 @@ END
 # ---- ETags
 request GET "/v1/jobs/$id"
 etag=$(header etag)
-like 'the ETag of a job is strong' "$etag" '^"[0-9.]+"$'
+like 'the ETag of a job is strong' "$etag" '^"[0-9.]+-[0-9a-f]{16}"$'
 for list in '*' "$etag" "W/$etag" "\"a\", $etag" "\"a\",\"b,c\" , W/$etag"; do
     request GET "/v1/jobs/$id" -H "If-None-Match: $list"; is "If-None-Match: $list" "$code $(header etag)" "304 $etag"
 done

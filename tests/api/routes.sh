@@ -65,6 +65,7 @@ json 'its progress is complete' '.progress | .iteration > 0 and .elapsed_ms >= 0
     and .residual_force <= 0.01 and .stops == 0 and has("percent")'
 json 'times are in order' '.created_at <= .started_at and .started_at <= .finished_at and .attempt == 1'
 etag=$(header etag)
+like 'its ETag begins with its revision' "$etag" "^\"$(jq -r .revision "$body")-"
 request GET "/v1/jobs/$id" -H "If-None-Match: $etag"; is 'an unchanged job answers 304' "$code" 304
 request GET "/v1/jobs/$id" -H 'If-None-Match: "0"'; is 'a changed one answers 200' "$code" 200
 

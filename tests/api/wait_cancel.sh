@@ -32,6 +32,8 @@ request GET "/v1/jobs/$queued" -H "If-None-Match: W/$etag" -H 'Prefer: wait=1'
 took=$(($(now) - from))
 is 'a tag that a proxy has weakened is waited for too' "$code" 304
 check "for as long ($((took / 1000)) ms)" test "$took" -ge 500000 -a "$took" -lt 6000000
+request GET "/v1/jobs/$second"; behind=$(header etag)
+request GET "/v1/jobs/$second" -H "If-None-Match: $behind"; is 'the tag of one that waits holds while it does' "$code" 304
 (sleep 0.5; curl -s -X DELETE "$url/v1/jobs/$queued" >/dev/null) &
 from=$(now)
 request GET "/v1/jobs/$queued" -H "If-None-Match: $etag" -H 'Prefer: wait=20'
@@ -41,6 +43,11 @@ json 'with the change' '.status == "canceled" and .verdict == null'
 check "at once ($((took / 1000)) ms)" test "$took" -lt 8000000
 wait $!
 request GET "/v1/jobs/$second"; json 'those behind move up' '.queue_position == 1'
+request GET "/v1/jobs/$second" -H "If-None-Match: $behind"
+is 'and their tags hold no longer' "$code $(jq .queue_position "$body")" '200 1'
+request GET "/v1/jobs/$second" -H "If-None-Match: $behind" -H 'Prefer: wait=20'
+is 'which is no reason to wait' "$code $(header preference-applied)" '200 '
+is 'there is another' "$([[ $(header etag) != "$behind" ]] && echo other)" other
 request GET "/v1/jobs/$queued/result"; problem 'a job cancelled in the queue has no result' 409 no-result
 
 from=$(now)
