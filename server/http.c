@@ -219,12 +219,18 @@ static void resume_stream(struct http_wake *wake)
     MHD_resume_connection(wake->mhd);
 }
 
+/* Whether its peer has hung up, or will send nothing more. */
+static bool is_deserted(const struct connection *c)
+{
+    struct pollfd peer = {.fd = c->fd, .events = POLLRDHUP};
+    return poll(&peer, 1, 0) == 1;
+}
+
 /* Nobody listens to a suspended connection: without this look, clients that come and go would fill the places
  * for streams until the next heartbeats. Under the lock. */
 static void look_after_stream(struct connection *c)
 {
-    struct pollfd peer = {.fd = c->fd, .events = POLLRDHUP};
-    if (c->stream == NULL || !c->stream->suspended || poll(&peer, 1, 0) != 1)
+    if (c->stream == NULL || !c->stream->suspended || !is_deserted(c))
         return;
     c->stream->deserted = true;
     resume_stream(c->stream);
@@ -814,6 +820,11 @@ void http_suspend(struct http_request *request)
     request->http->suspended++;
     pthread_mutex_unlock(&request->http->lock);
     request->parked = true;
+}
+
+bool http_deserted(const struct http_request *request)
+{
+    return is_deserted(request->connection);
 }
 
 /* ---- streams ----------------------------------------------------------------------------------------- */

@@ -103,6 +103,10 @@ void http_drop_body(struct http_request *request); /* no longer needed; frees th
 /* From `handle`: the answer will come later. */
 void http_suspend(struct http_request *request);
 
+/* Whether the client has hung up, or will send nothing more: nobody listens to a suspended connection. Any
+ * thread, while the request is suspended. */
+bool http_deserted(const struct http_request *request);
+
 /* ---- answers -------------------------------------------------------------------------------------- */
 
 /* Any thread, once per request; takes the answer. NULL (out of memory) sends a bare 500. */

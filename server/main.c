@@ -258,7 +258,7 @@ static void on_job_changed(const char *id, struct revision revision, bool ended,
 static int make_rooms(struct server *s)
 {
     struct api *api = &s->api;
-    struct wait_answers answers = {job_wait_changed, job_wait_expired, NULL};
+    struct wait_answers answers = {job_wait_changed, job_wait_expired, http_deserted, NULL};
     struct problem problem;
     api->config = &s->config;
     if (about_open(api) != 0 || (api->metrics = metrics_new()) == NULL ||

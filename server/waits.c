@@ -100,7 +100,7 @@ void waits_tick(struct waits *waits, int64_t now_ms)
     pthread_mutex_lock(&waits->lock);
     for (struct waiter **p = &waits->first; *p != NULL;) {
         struct waiter *waiter = *p;
-        if (now_ms >= waiter->deadline_ms) {
+        if (now_ms >= waiter->deadline_ms || waits->answers.deserted(waiter->request)) {
             *p = waiter->next;
             waiter->next = taken;
             taken = waiter;

@@ -17,8 +17,9 @@ struct wait_answers {
     /* The job changed as wished for; must not block. May run with the queue's lock held. */
     void (*changed)(struct http_request *request, struct revision revision, bool ended, const char *body,
                     void *data);
-    /* Time is up (or the server stops): answer with the job as it stands. */
+    /* Time is up (or the client has gone, or the server stops): answer with the job as it stands. */
     void (*expired)(struct http_request *request, void *data);
+    bool (*deserted)(const struct http_request *request); /* whether the client has gone; must not block */
     void *data;
 };
 
@@ -37,7 +38,9 @@ int waits_add(struct waits *waits, struct http_request *request, const char *id,
 /* What became of a job: answers those it satisfies. The queue's `changed` hook. */
 void waits_changed(struct waits *waits, const char *id, struct revision revision, bool ended,
                    const char *body);
-void waits_tick(struct waits *waits, int64_t now_ms); /* monotonic: answers those whose time is up */
-void waits_close(struct waits *waits);                /* answers all; no more are taken */
+/* Monotonic: answers those whose time is up, and those whose clients have gone: their connections are free.
+ */
+void waits_tick(struct waits *waits, int64_t now_ms);
+void waits_close(struct waits *waits); /* answers all; no more are taken */
 
 #endif

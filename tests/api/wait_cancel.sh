@@ -50,6 +50,27 @@ is 'which is no reason to wait' "$code $(header preference-applied)" '200 '
 is 'there is another' "$([[ $(header etag) != "$behind" ]] && echo other)" other
 request GET "/v1/jobs/$queued/result"; problem 'a job cancelled in the queue has no result' 409 no-result
 
+# Who hangs up gives the place back long before the time is up, and who only says no more is answered.
+connections() { curl -s "$admin/metrics" | sed -n 's/^draped_connections //p'; }
+before=$(connections)
+for i in {1..20}; do
+    timeout 1 curl -s "$url/v1/jobs/$second" -H 'Prefer: wait=25' >/dev/null &
+done
+sleep 0.7; like 'twenty wait' "$(connections)" '^2[0-9]$'
+wait $(jobs -p | grep -vx "$pid")
+for ((i = 0; i < 100; i++)); do
+    [[ $(connections) == "$before" ]] && break
+    sleep 0.05
+done
+is 'none of them is kept five seconds after they hung up' "$(connections)" "$before"
+poll="GET /v1/jobs/$second HTTP/1.1\r\nHost: h\r\nPrefer: wait=25\r\n\r\n"
+like 'a client that has said its last word is answered' "$(python3 -c '
+import socket, sys
+s = socket.create_connection((sys.argv[1], int(sys.argv[2])), 20)
+s.sendall(sys.argv[3].encode().decode("unicode_escape").encode())
+s.shutdown(socket.SHUT_WR)
+print(s.recv(12).decode())' 127.0.0.1 "${url##*:}" "$poll")" 'HTTP/1.1 200'
+
 from=$(now)
 request DELETE "/v1/jobs/$running"
 is 'cancelling a running job answers 202' "$code" 202

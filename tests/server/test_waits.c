@@ -7,6 +7,7 @@
 
 struct request { /* requests are opaque to waits: any address will do */
     int changed, expired;
+    bool deserted;
     struct revision revision;
 };
 
@@ -35,7 +36,12 @@ static void on_expired(struct http_request *request, void *data)
     of(request)->expired++;
 }
 
-static const struct wait_answers answers = {on_changed, on_expired, NULL};
+static bool is_deserted(const struct http_request *request)
+{
+    return ((const struct request *)(const void *)request)->deserted;
+}
+
+static const struct wait_answers answers = {on_changed, on_expired, is_deserted, NULL};
 
 static struct revision at(uint32_t attempt, uint32_t counter)
 {
@@ -91,6 +97,22 @@ static void test_waits__time_runs_out_for_each_at_its_own_moment(void **state)
     waits_free(waits);
 }
 
+static void test_waits__who_has_hung_up_is_let_go_before_the_time_is_up(void **state)
+{
+    (void)state;
+    struct waits *waits = waits_new(&answers);
+    struct request r[3] = {{0}};
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(waits_add(waits, as(&r[i]), "job", at(0, 0), 1000), 0);
+    r[1].deserted = true;
+    waits_tick(waits, 1);
+    assert_int_equal(r[1].expired, 1);
+    assert_int_equal(r[0].expired + r[2].expired, 0);
+    waits_tick(waits, 1000);
+    assert_int_equal(r[0].expired + r[1].expired + r[2].expired, 3);
+    waits_free(waits);
+}
+
 struct race {
     struct waits *waits;
     struct request request[1000];
@@ -127,6 +149,7 @@ int main(void)
         cmocka_unit_test(test_waits__for_the_end_only_the_end_counts),
         cmocka_unit_test(test_waits__for_a_change_the_next_revision_counts),
         cmocka_unit_test(test_waits__time_runs_out_for_each_at_its_own_moment),
+        cmocka_unit_test(test_waits__who_has_hung_up_is_let_go_before_the_time_is_up),
         cmocka_unit_test(test_waits__change_and_clock_together_answer_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
