@@ -50,6 +50,7 @@ static struct http_answer *answer_feed(struct call *call, size_t jobs, bool name
                     full < 0                    ? "Out of memory."
                     : full == STREAM_OWNER_FULL ? "This key has too many event streams open."
                                                 : "Too many event streams are open.");
+        reterr->retry_s = queue_retry_s(call->api->queue, 1); /* streams end with their jobs */
         return NULL;
     }
     http_answer_header(answer, "Cache-Control", "no-store");

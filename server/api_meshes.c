@@ -97,8 +97,10 @@ static int check_quota(const struct call *call, size_t bytes, struct problem *re
         return -1;
     if (held <= most && bytes <= most - held)
         return 0;
-    return problem_set(reterr, PROBLEM_QUOTA_MESHES, "The key keeps %llu of %llu bytes; this mesh has %zu.",
-                       (unsigned long long)held, (unsigned long long)most, bytes);
+    problem_set(reterr, PROBLEM_QUOTA_MESHES, "The key keeps %llu of %llu bytes; this mesh has %zu.",
+                (unsigned long long)held, (unsigned long long)most, bytes);
+    reterr->retry_s = QUEUE_RETRY_MAX_S; /* no job that ends helps: meshes go when they are removed or old */
+    return -1;
 }
 
 /* Parses and keeps a mesh that is not there yet; 0, or -1 with *reterr. */

@@ -765,7 +765,7 @@ struct http_answer *http_answer_problem(const struct http_request *request, cons
     struct http_answer *answer =
         http_answer_text(problem_status(problem->code), "application/problem+json", text);
     if (problem_status(problem->code) == 503 || problem_status(problem->code) == 429)
-        http_answer_header(answer, "Retry-After", "1");
+        http_answer_header(answer, "Retry-After", "%u", problem->retry_s > 0 ? problem->retry_s : 1);
     return answer;
 }
 

@@ -181,6 +181,13 @@ size_t line_position(const struct line *line, const struct place *place)
     return turns + others;
 }
 
+size_t line_next(const struct line *line, const char *owner)
+{
+    const struct share *share = find_share(line, owner);
+    const struct place *place = share == NULL ? NULL : first_place(share);
+    return place == NULL ? 0 : line_position(line, place);
+}
+
 void line_heads(const struct line *line, void (*each)(const struct place *place, void *data), void *data)
 {
     for (const struct share *share = line->first; share != NULL; share = share->next)

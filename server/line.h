@@ -57,6 +57,9 @@ void line_give_back(struct line *line, struct share *share, uint64_t memory);
  * anybody up; 0: it does not wait. */
 size_t line_position(const struct line *line, const struct place *place);
 
+/* The line_position of the owner's next job; 0: none waits. */
+size_t line_next(const struct line *line, const char *owner);
+
 /* Calls `each` for the first of every owner and priority. */
 void line_heads(const struct line *line, void (*each)(const struct place *place, void *data), void *data);
 

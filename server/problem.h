@@ -58,6 +58,7 @@ struct problem {
         char detail[200];
     } errors[PROBLEM_MAX_ERRORS];
     size_t error_count;
+    unsigned retry_s; /* when the same request may succeed; 0: soon, or never */
 };
 
 int problem_status(enum problem_code code);       /* HTTP status */

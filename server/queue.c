@@ -1,6 +1,7 @@
 /* queue.c - see queue.h. */
 #include "queue.h"
 
+#include <math.h>
 #include <pthread.h>
 #include <search.h>
 #include <stdatomic.h>
@@ -30,6 +31,8 @@
 /* An idle worker looks at the line again after this long even if nobody wakes it; so it is seen to live. */
 #define LOOK_MS 1000
 
+#define RUNS_OF_LATE 8
+
 struct item {           /* a job that has not ended; in the tree, and in the line while it waits */
     struct place place; /* the first member: a place of the line is its item */
     struct job job;
@@ -48,6 +51,7 @@ struct queue {
     struct line *line;
     size_t queued, running; /* queued: with those that are being committed to the store */
     bool draining, interrupted, held;
+    double run_ms;     /* mean of late, over the last RUNS_OF_LATE or so; 0: none has ended */
     unsigned busy;     /* workers that have a job, or try to get one started */
     int64_t looked_ms; /* monotonic; when an idle worker last looked at the line */
     pthread_t *worker;
@@ -284,9 +288,10 @@ static int commit_end(struct queue *queue, const struct job *job)
 
 static void show_end(struct queue *queue, struct item *item)
 {
+    double run_ms = (double)(clock_monotonic_ms() - item->started_ms);
     queue->running--;
-    metrics_observe(queue->setup.metrics, METRIC_RUN_SECONDS,
-                    (double)(clock_monotonic_ms() - item->started_ms) / 1000);
+    queue->run_ms += queue->run_ms == 0 ? run_ms : (run_ms - queue->run_ms) / RUNS_OF_LATE;
+    metrics_observe(queue->setup.metrics, METRIC_RUN_SECONDS, run_ms / 1000);
     if (item->job.status != JOB_QUEUED) {
         end_item(queue, item);
         return;
@@ -451,17 +456,43 @@ int queue_start(struct queue *queue, struct problem *reterr)
     return 0;
 }
 
-/* Under the lock. */
+/* See queue_retry_s. Under the lock. */
+static unsigned retry_s(const struct queue *queue, size_t ahead)
+{
+    double s = ceil(queue->run_ms * (double)ahead / queue->setup.workers / 1000);
+    return s < 1 ? 1 : s < QUEUE_RETRY_MAX_S ? (unsigned)s : QUEUE_RETRY_MAX_S;
+}
+
+unsigned queue_retry_s(struct queue *queue, size_t ahead)
+{
+    pthread_mutex_lock(&queue->lock);
+    unsigned s = retry_s(queue, ahead);
+    pthread_mutex_unlock(&queue->lock);
+    return s;
+}
+
+/* The same refusal, with when to come again. Under the lock. */
+static int come_again(const struct queue *queue, size_t ahead, struct problem *reterr)
+{
+    if (reterr != NULL)
+        reterr->retry_s = retry_s(queue, ahead);
+    return -1;
+}
+
+/* A place is free once a job ends; one of the owner's, once its next job starts. Under the lock. */
 static int admits(const struct queue *queue, const char *owner, struct problem *reterr)
 {
     size_t limit = queue->setup.limits->queued_jobs, queued = line_queued(queue->line, owner);
     if (queue->draining)
         return problem_set(reterr, PROBLEM_DRAINING, "The server is shutting down.");
-    if (queue->queued + queue->running >= limit)
-        return problem_set(reterr, PROBLEM_QUEUE_FULL, "All %zu places are taken.", limit);
+    if (queue->queued + queue->running >= limit) {
+        problem_set(reterr, PROBLEM_QUEUE_FULL, "All %zu places are taken.", limit);
+        return come_again(queue, 1, reterr);
+    }
     if (queue->setup.keys == NULL || queued < keys_quota(queue->setup.keys, owner).queued)
         return 0;
-    return problem_set(reterr, PROBLEM_QUOTA_QUEUED, "%zu jobs of the key %s are queued.", queued, owner);
+    problem_set(reterr, PROBLEM_QUOTA_QUEUED, "%zu jobs of the key %s are queued.", queued, owner);
+    return come_again(queue, line_next(queue->line, owner), reterr);
 }
 
 int queue_admits(struct queue *queue, const char *owner, struct problem *reterr)

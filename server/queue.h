@@ -48,8 +48,14 @@ struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of me
 /* Store. Takes over what an earlier daemon left, then starts the workers. 0, or -1 with *reterr. */
 int queue_start(struct queue *queue, struct problem *reterr);
 
-/* Whether a job of `owner` would be taken now; 0, or -1 with *reterr (queue-full, quota-queued, draining). */
+/* Whether a job of `owner` would be taken now; 0, or -1 with *reterr (queue-full, quota-queued, draining),
+ * and when to come again. */
 int queue_admits(struct queue *queue, const char *owner, struct problem *reterr);
+
+/* When to come again, s, for what is there once `ahead` more jobs have been worked off: by the mean time that
+ * jobs ran of late, 1 where none has ended yet, and at most QUEUE_RETRY_MAX_S, for much may change. */
+unsigned queue_retry_s(struct queue *queue, size_t ahead);
+#define QUEUE_RETRY_MAX_S 60
 
 /* Store. Takes the texts of *job (emptying it) whose id, owner, priority and texts are set, and what was kept
  * for it to start from; submission->answer is set here. On success (0) the job is durable and *ret_body its

@@ -88,14 +88,16 @@ stop_daemon; is 'the daemon stops with status 0' "$status" 0
 key_file '.keys[0] += {queued: 2, running: 1, mesh_bytes: 100}'
 start_daemon --workers 2 --keys "$work/keys.json"
 endless >"$work/endless"
-post_as shop "$work/endless"; first=$id
+jq -c '.solver.time_limit_s = 3' "$work/endless" >"$work/seconds"
 wait_as() { for ((i = 0; i < 500; i++)); do as "$1" GET "/v1/jobs/$2"; [[ $(jq -r .status "$body") == "$3" ]] && return; sleep 0.02; done; false; }
+post_as shop "$work/seconds"; check 'a job runs for three seconds' wait_as shop "$id" succeeded
+post_as shop "$work/endless"; first=$id
 check 'a job runs' wait_as shop "$first" running
 for n in 1 2; do post_as shop "$work/endless"; is "job $n of two queued" "$code" 202; done
 waiting=$id
 is 'they wait beside an idle worker' "$(jq -r .status "$body")" queued
 post_as shop "$work/endless"; problem 'the third is refused' 429 quota-queued
-like 'with a time to try again' "$(header retry-after)" '^[0-9]+$'
+like 'with a time to try again: half of three seconds and more, for there are two workers' "$(header retry-after)" '^[2-9]$'
 is 'the client says so' "$("$DRAPE" submit "$work/endless" --url "$url" --key-file "$work/shop.key" 2>&1 | grep -c quota-queued)" 1
 post_as other "$work/job"; is 'another key is not concerned' "$code" 202
 check 'and has a worker at once' wait_as other "$id" succeeded
@@ -115,6 +117,7 @@ mesh 100; post_mesh shop; is 'as many bytes of meshes as allowed' "$code" 201
 sha=$(jq -r .sha256 "$body")
 post_mesh shop; is 'one that is there costs nothing' "$code" 200
 mesh 33; post_mesh shop; problem 'more are refused' 429 quota-meshes
+is 'for long' "$(header retry-after)" 60
 as other GET "/v1/meshes/$sha"; problem "another's mesh is not there" 404 not-found
 mesh 101; post_mesh other; is 'another key is not concerned' "$code" 201
 key_file 'del(.keys[0])'

@@ -252,7 +252,12 @@ static void test_line__positions_are_the_order_of_starts(void **state)
     add(rig, "b", 0, 0);
     add(rig, "c", JOB_PRIORITY_LOW, 0);
     add(rig, "c", JOB_PRIORITY_HIGH, 0);
+    assert_int_equal(line_next(rig->line, "a"), 1);
+    assert_int_equal(line_next(rig->line, "b"), 2);
+    assert_int_equal(line_next(rig->line, "c"), 3);
     expect_positions(rig, 0, (const size_t[]){1, 4, 6, 2, 5, 3});
+    assert_int_equal(line_next(rig->line, "a"), 0);
+    assert_int_equal(line_next(rig->line, "nobody"), 0);
 }
 
 static void test_line__positions_hold_in_the_middle_of_a_round(void **state)

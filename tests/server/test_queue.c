@@ -606,6 +606,23 @@ static void test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more
     close_rig(rig);
 }
 
+static void test_queue__when_to_come_again_is_known_once_a_job_has_ended(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    char id[ID_SIZE], *text = scratch_square(4, "auto", 400);
+    const size_t many = 1000000000;
+    open_rig(rig, 1, 10);
+    assert_int_equal(queue_retry_s(rig->queue, many), 1);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    for (int64_t limit = clock_monotonic_ms() + 60000; queue_retry_s(rig->queue, many) == 1; pause_ms(1))
+        assert_true(clock_monotonic_ms() < limit);
+    assert_int_equal(queue_retry_s(rig->queue, many), QUEUE_RETRY_MAX_S);
+    assert_int_equal(queue_retry_s(rig->queue, 0), 1);
+    free(text);
+    close_rig(rig);
+}
+
 static void test_queue__a_job_past_its_keys_running_quota_waits_beside_an_idle_worker(void **state)
 {
     struct rig *rig = *state;
@@ -752,6 +769,7 @@ int main(void)
         TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),
         TEST(test_queue__followers_see_states_progress_and_the_end_in_rising_order),
         TEST(test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more),
+        TEST(test_queue__when_to_come_again_is_known_once_a_job_has_ended),
         TEST(test_queue__a_job_past_its_keys_running_quota_waits_beside_an_idle_worker),
         TEST(test_queue__owners_take_turns_and_priorities_go_first_among_ones_own),
         TEST(test_queue__a_job_that_needs_too_much_memory_fails_and_the_next_one_runs),
