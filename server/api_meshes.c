@@ -187,21 +187,35 @@ static int choose_format(const struct call *call, enum mesh_format kept)
     return best < 0 ? -1 : format[best];
 }
 
-/* The mesh's facts and the format to send; false: answered. */
-static bool find_mesh(struct call *call, struct store_mesh *ret, enum mesh_format *ret_format)
+/* What is sent of a mesh, and how. */
+struct outgoing {
+    struct store_mesh mesh;
+    enum coding coding;
+    int fd;
+    uint64_t bytes; /* in that coding */
+};
+
+/* The mesh as it was uploaded, and the format to send it in; false: answered that there is none. */
+static bool open_mesh(struct call *call, struct outgoing *ret, enum mesh_format *ret_format)
 {
     struct problem problem;
-    int found = store_mesh_get(call->api->store, call->owner, call->id, ret, &problem);
-    int format = found == 0 ? choose_format(call, (enum mesh_format)ret->format) : -1;
+    int found = store_mesh_open(call->api->store, call->owner, call->id, &ret->mesh, &ret->fd, &problem);
     if (found > 0)
         problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
-    else if (found == 0 && format < 0)
-        problem_set(&problem, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
-    if (format < 0)
+    if (found != 0) {
         call_problem(call, &problem);
-    else
-        *ret_format = (enum mesh_format)format;
-    return format >= 0;
+        return false;
+    }
+    int format = choose_format(call, (enum mesh_format)ret->mesh.format);
+    if (format < 0) {
+        close(ret->fd);
+        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
+        return false;
+    }
+    ret->coding = CODING_IDENTITY;
+    ret->bytes = ret->mesh.bytes;
+    *ret_format = (enum mesh_format)format;
+    return true;
 }
 
 /* ---- in another format than was uploaded */
@@ -236,12 +250,13 @@ static struct http_answer *convert(struct call *call, enum mesh_format format, s
 static void mesh_convert(struct call *call)
 {
     struct problem problem = {.code = PROBLEM_INTERNAL};
-    struct store_mesh mesh;
+    struct outgoing out;
     enum mesh_format format;
     char tag[SHA256_SIZE + 32];
-    if (!find_mesh(call, &mesh, &format))
+    if (!open_mesh(call, &out, &format))
         return;
-    snprintf(tag, sizeof tag, "%s-%s-%s", mesh.sha256, mesh_format_name(format), drape_version());
+    close(out.fd);
+    snprintf(tag, sizeof tag, "%s-%s-%s", out.mesh.sha256, mesh_format_name(format), drape_version());
     struct http_answer *answer = convert(call, format, &problem);
     struct representing as = {tag, CODING_IDENTITY, VARY, "private, no-cache"};
     if (answer != NULL)
@@ -251,28 +266,6 @@ static void mesh_convert(struct call *call)
 }
 
 /* ---- as it was uploaded */
-
-/* What is sent of a mesh, and how. */
-struct outgoing {
-    struct store_mesh mesh;
-    enum coding coding;
-    int fd;
-    uint64_t bytes; /* in that coding */
-};
-
-/* The mesh as it was uploaded; false: answered that it is not there. */
-static bool open_mesh(struct call *call, struct outgoing *ret)
-{
-    struct problem problem;
-    int found = store_mesh_open(call->api->store, call->owner, call->id, &ret->mesh, &ret->fd, &problem);
-    ret->coding = CODING_IDENTITY;
-    ret->bytes = ret->mesh.bytes;
-    if (found > 0)
-        problem_set(&problem, PROBLEM_NOT_FOUND, "There is no such mesh.");
-    if (found != 0)
-        call_problem(call, &problem);
-    return found == 0;
-}
 
 static void send_mesh(struct call *call, const struct outgoing *out)
 {
@@ -330,9 +323,10 @@ static int encode_mesh(struct call *call, const struct outgoing *out)
 static void send_coded(struct call *call)
 {
     struct outgoing out;
-    if (!open_mesh(call, &out))
-        return;
+    enum mesh_format format;
     int found;
+    if (!open_mesh(call, &out, &format))
+        return;
     while ((found = open_coded(call, &out)) == STORE_NONE)
         if (encode_mesh(call, &out) != 0) {
             out.coding = CODING_IDENTITY; /* acceptable or not: better than none */
@@ -345,39 +339,33 @@ static void send_coded(struct call *call)
         send_mesh(call, &out);
 }
 
-static void send_kept(struct call *call)
+/* Takes the open file. */
+static void send_kept(struct call *call, struct outgoing *out)
 {
-    struct outgoing out;
-    if (!open_mesh(call, &out))
+    int fd = out->fd, found = open_coded(call, out);
+    if (found == ANSWERED || (found == STORE_NONE && call_try_pass(call, call->api->reader, send_coded))) {
+        close(fd);
         return;
-    int found = open_coded(call, &out);
-    if (found == ANSWERED) {
-        close(out.fd);
-    } else if (found == STORE_NONE) {
-        int fd = out.fd;
-        if (call_try_pass(call, call->api->reader, send_coded)) {
-            close(fd);
-        } else {
-            out.coding = CODING_IDENTITY;
-            send_mesh(call, &out);
-        }
-    } else {
-        send_mesh(call, &out);
     }
+    if (found == STORE_NONE)
+        out->coding = CODING_IDENTITY;
+    send_mesh(call, out);
 }
 
 void mesh_get(struct call *call)
 {
-    struct store_mesh mesh;
+    struct outgoing out;
     enum mesh_format format;
-    if (!find_mesh(call, &mesh, &format))
+    if (!open_mesh(call, &out, &format))
         return;
     /* Whoever looks whether it is there means to name it: it should not be pruned just then. */
     store_mesh_touch(call->api->store, call->owner, call->id, clock_steady_ms(), NULL);
-    if (format == (enum mesh_format)mesh.format)
-        send_kept(call);
-    else
+    if (format == (enum mesh_format)out.mesh.format) {
+        send_kept(call, &out);
+    } else {
+        close(out.fd);
         call_pass(call, call->api->reader, mesh_convert);
+    }
 }
 
 void mesh_delete(struct call *call)
