@@ -33,11 +33,12 @@
 
 #define RUNS_OF_LATE 8
 
-struct item {           /* a job that has not ended; in the tree, and in the line while it waits */
+struct item {           /* a job that has not ended: in the tree, and in the line while it waits */
     struct place place; /* the first member: a place of the line is its item */
     struct job job;
     struct queue *queue;
     struct stream *stream;
+    bool entered;        /* the store has it; until then it only keeps its place in the tree */
     int64_t accepted_ms; /* monotonic */
     int64_t started_ms;  /* monotonic */
     atomic_bool stop;
@@ -70,7 +71,7 @@ static struct item *find(struct queue *queue, const char *owner, const char *id)
     struct item key = {0};
     memcpy(key.job.id, id, strnlen(id, ID_SIZE - 1));
     struct item **found = tfind(&key, &queue->tree, compare_items);
-    return found == NULL || strcmp((*found)->job.owner, owner) != 0 ? NULL : *found;
+    return found == NULL || !(*found)->entered || strcmp((*found)->job.owner, owner) != 0 ? NULL : *found;
 }
 
 static char *body_of(const struct queue *queue, const struct item *item)
@@ -85,8 +86,10 @@ static void count_queued(struct queue *queue, struct item *item, int more)
     item->place.share->queued += (size_t)more;
 }
 
-static void free_item(struct item *item)
+static void free_item(struct item *item) /* NULL is fine */
 {
+    if (item == NULL)
+        return;
     job_done(&item->job);
     stream_release(item->stream);
     free(item);
@@ -126,8 +129,7 @@ static void end_item(struct queue *queue, struct item *item)
     free_item(item);
 }
 
-/* A new item with the texts of *job, which it takes; neither in the tree nor an owner's yet. NULL when out of
- * memory. */
+/* A new item with the texts of *job, which it takes; not its owner's yet. NULL when out of memory. */
 static struct item *item_new(struct queue *queue, struct job *job)
 {
     struct item *item = calloc(1, sizeof *item);
@@ -146,12 +148,16 @@ static struct item *item_new(struct queue *queue, struct job *job)
     return item;
 }
 
-/* Makes it a queued job of its owner, in no line yet. 0, or -1 when out of memory. */
+/* Makes it a queued job of its owner, in the tree and in no line yet. 0, or -1 when out of memory. */
 static int own_item(struct queue *queue, struct item *item)
 {
     item->place.share = line_hold(queue->line, item->job.owner);
     if (item->place.share == NULL)
         return -1;
+    if (tsearch(item, &queue->tree, compare_items) == NULL) {
+        line_let_go(queue->line, item->place.share);
+        return -1;
+    }
     count_queued(queue, item, 1);
     return 0;
 }
@@ -159,18 +165,16 @@ static int own_item(struct queue *queue, struct item *item)
 static void disown_item(struct queue *queue, struct item *item)
 {
     count_queued(queue, item, -1);
+    tdelete(item, &queue->tree, compare_items);
     line_let_go(queue->line, item->place.share);
 }
 
-/* 0, or -1 when out of memory. */
-static int add_item(struct queue *queue, struct item *item)
+static void enter_item(struct queue *queue, struct item *item)
 {
-    if (tsearch(item, &queue->tree, compare_items) == NULL)
-        return -1;
+    item->entered = true;
     line_enter(queue->line, &item->place, false);
     publish(queue, item, STREAM_STATE);
     pthread_cond_signal(&queue->work);
-    return 0;
 }
 
 /* ---- solving ---------------------------------------------------------------------------------------- */
@@ -200,6 +204,22 @@ static int64_t time_after(int64_t earlier)
     return now > earlier ? now : earlier;
 }
 
+/* The store has the start of `job`. Under the lock. */
+static void show_start(struct queue *queue, struct item *item, const struct job *job)
+{
+    count_queued(queue, item, -1);
+    queue->running++;
+    item->started_ms = clock_monotonic_ms();
+    item->job.status = JOB_RUNNING;
+    item->job.started_ms = job->started_ms;
+    item->job.revision = job->revision;
+    if (queue->interrupted)
+        atomic_store(&item->stop, true);
+    publish(queue, item, STREAM_STATE);
+    metrics_observe(queue->setup.metrics, METRIC_QUEUE_SECONDS,
+                    (double)(item->started_ms - item->accepted_ms) / 1000);
+}
+
 /* Commits queued -> running. The item, or NULL: cancelled meanwhile, or back in the line because the
  * store refused. */
 static struct item *start_job(struct queue *queue, struct job *job)
@@ -208,21 +228,12 @@ static struct item *start_job(struct queue *queue, struct job *job)
     job->revision.counter++;
     int result = store_job_start(queue->setup.store, job, NULL);
     pthread_mutex_lock(&queue->lock);
-    struct item *item = result == STORE_NONE ? NULL : find(queue, job->owner, job->id);
-    if (result == 0 && item != NULL) {
-        count_queued(queue, item, -1);
-        queue->running++;
-        item->started_ms = clock_monotonic_ms();
-        item->job.status = JOB_RUNNING;
-        item->job.started_ms = job->started_ms;
-        item->job.revision = job->revision;
-        if (queue->interrupted)
-            atomic_store(&item->stop, true);
-        publish(queue, item, STREAM_STATE);
-        metrics_observe(queue->setup.metrics, METRIC_QUEUE_SECONDS,
-                        (double)(item->started_ms - item->accepted_ms) / 1000);
-    } else if (item != NULL) {
-        line_enter(queue->line, &item->place, true);
+    struct item *item = find(queue, job->owner, job->id);
+    if (result == 0) { /* so it is here: nobody but its worker ends a running job */
+        show_start(queue, item, job);
+    } else {
+        if (result < 0 && item != NULL)
+            line_enter(queue->line, &item->place, true);
         item = NULL;
     }
     pthread_mutex_unlock(&queue->lock);
@@ -309,18 +320,16 @@ static void show_end(struct queue *queue, struct item *item)
 static void finish_job(struct queue *queue, struct item *item, struct solve_outcome *outcome)
 {
     pthread_mutex_lock(&queue->lock);
-    struct job end = {0};
     take_progress(queue, item, outcome);
     enum job_status status = take_outcome(item, outcome);
-    int failed = job_copy(&item->job, &end);
+    struct job end = item->job; /* its texts are lent: nobody but we changes those of a running job */
     pthread_mutex_unlock(&queue->lock);
     end.status = status;
     if (status != JOB_QUEUED) {
         end.finished_ms = time_after(end.started_ms);
         end.revision.counter++;
     }
-    if (!failed)
-        failed = commit_end(queue, &end);
+    int failed = commit_end(queue, &end);
     log_event(LOG_LEVEL_INFO, "job.ended",
               "job=%s attempt=%u status=%s verdict=%s iterations=%u committed=%d trace=%s", end.id,
               end.revision.attempt, job_status_name(status), end.verdict[0] ? end.verdict : "-",
@@ -335,7 +344,6 @@ static void finish_job(struct queue *queue, struct item *item, struct solve_outc
         queue->running--; /* it stays as it was in the store: the next start recovers it */
     }
     pthread_mutex_unlock(&queue->lock);
-    job_done(&end);
 }
 
 static void work_on(struct queue *queue, struct job *job)
@@ -401,10 +409,13 @@ static void *worker_main(void *arg)
 struct queue *queue_new(const struct queue_setup *setup)
 {
     struct queue *queue = calloc(1, sizeof *queue);
-    if (queue == NULL || (queue->line = line_new(setup->keys, setup->limits)) == NULL ||
-        (queue->worker = calloc(setup->workers, sizeof *queue->worker)) == NULL) {
-        if (queue != NULL)
-            line_free(queue->line);
+    if (queue == NULL)
+        return NULL;
+    queue->line = line_new(setup->keys, setup->limits);
+    queue->worker = calloc(setup->workers, sizeof *queue->worker);
+    if (queue->line == NULL || queue->worker == NULL) {
+        line_free(queue->line);
+        free(queue->worker);
         free(queue);
         return NULL;
     }
@@ -427,15 +438,14 @@ static int restore(const struct job *job, void *data)
         return -1;
     struct item *item = item_new(queue, &copy);
     pthread_mutex_lock(&queue->lock);
-    bool owned = item != NULL && own_item(queue, item) == 0;
-    bool entered = owned && add_item(queue, item) == 0;
-    if (owned && !entered)
-        disown_item(queue, item);
+    int failed = item == NULL ? -1 : own_item(queue, item);
+    if (!failed)
+        enter_item(queue, item);
     pthread_mutex_unlock(&queue->lock);
-    if (item != NULL && !entered)
+    if (failed)
         free_item(item);
     job_done(&copy);
-    return entered ? 0 : -1;
+    return failed;
 }
 
 int queue_start(struct queue *queue, struct problem *reterr)
@@ -517,12 +527,13 @@ static char *body_to_be(struct queue *queue, struct item *item)
  * or -1 with *reterr. */
 static int reserve(struct queue *queue, struct item *item, char **ret_body, struct problem *reterr)
 {
+    if (item == NULL)
+        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     pthread_mutex_lock(&queue->lock);
     int failed = admits(queue, item->job.owner, reterr);
     if (!failed && own_item(queue, item) != 0)
         failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    *ret_body = failed ? NULL : body_to_be(queue, item);
-    if (!failed && *ret_body == NULL) {
+    if (!failed && (*ret_body = body_to_be(queue, item)) == NULL) {
         disown_item(queue, item);
         failed = problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
     }
@@ -546,34 +557,30 @@ int queue_submit(struct queue *queue, struct job *job, struct store_submission *
     job->status = JOB_QUEUED;
     job->revision = (struct revision){1, 1};
     job->created_ms = clock_wall_ms();
+    char id[ID_SIZE], *body;
+    memcpy(id, job->id, sizeof id);
     struct item *item = item_new(queue, job);
-    if (item == NULL)
-        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
-    char *body;
-    int failed = reserve(queue, item, &body, reterr);
-    if (failed) {
-        store_start_drop(queue->setup.store, item->job.id);
+    if (reserve(queue, item, &body, reterr) != 0) {
+        store_start_drop(queue->setup.store, id);
         free_item(item);
         return -1;
     }
     submission->answer = body;
-    failed = store_job_add(queue->setup.store, &item->job, submission, reterr);
+    int failed = store_job_add(queue->setup.store, &item->job, submission, reterr);
     pthread_mutex_lock(&queue->lock);
-    bool entered = !failed && add_item(queue, item) == 0;
-    if (!entered)
+    if (failed)
         disown_item(queue, item);
+    else
+        enter_item(queue, item);
     pthread_mutex_unlock(&queue->lock);
-    if (entered) {
-        metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
-        *ret_body = body;
-        return 0;
+    if (failed) {
+        free_item(item);
+        free(body);
+        return refuse_submission(failed, reterr);
     }
-    free_item(item);
-    free(body);
-    /* Without memory to enter it, the job is durable and the next start takes it up: not a refusal we
-     * could take back, so it is reported as a failure of ours. */
-    return failed ? refuse_submission(failed, reterr)
-                  : problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    metrics_add(queue->setup.metrics, METRIC_JOBS_ACCEPTED, 1);
+    *ret_body = body;
+    return 0;
 }
 
 int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,
@@ -660,8 +667,6 @@ int queue_cancel(struct queue *queue, const char *owner, const char *id, char **
             return -1;
         if (result == 0 && (*ret_body = show_cancel(queue, &job, waiting)) != NULL)
             return 0;
-        if (result == 0 && !look_at(queue, owner, id, &job))
-            return QUEUE_NONE;
         if (look == CANCEL_LOOKS)
             return problem_set(reterr, PROBLEM_STORAGE, "The database does not know the job as it is.");
         wait_ms(1);

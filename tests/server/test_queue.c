@@ -1,170 +1,9 @@
 /* test_queue.c - states, order, limits, cancelling, draining, with real small jobs. */
-#include "scratch.h"
+#include "rig.h"
 
-#include <stdatomic.h>
-#include <time.h>
-
-#include <jansson.h>
-
-#include "clock.h"
 #include "drape.h"
-#include "keys.h"
 #include "log.h"
-#include "metrics.h"
-#include "queue.h"
 #include "solve.h"
-#include "store.h"
-
-struct rig {
-    char *dir;
-    struct limits limits;
-    uint64_t memory, job_memory; /* 0: the default */
-    struct keys *keys;           /* NULL: none */
-    struct store *store;
-    struct hub *hub;
-    struct metrics *metrics;
-    struct queue *queue;
-    atomic_int changes, ends;
-    char started[1024]; /* ids in the order of starts, a blank behind each; with the queue's lock held */
-};
-
-static void on_changed(const char *id, struct revision revision, bool ended, const char *body, void *data)
-{
-    struct rig *rig = data;
-    (void)revision;
-    atomic_fetch_add(&rig->changes, 1);
-    if (ended)
-        atomic_fetch_add(&rig->ends, 1);
-    if (strstr(body, id) == NULL)
-        abort();
-    if (strstr(body, "\"status\":\"running\"") != NULL && strstr(rig->started, id) == NULL &&
-        strlen(rig->started) + ID_SIZE < sizeof rig->started) {
-        strcat(rig->started, id);
-        strcat(rig->started, " ");
-    }
-}
-
-static void open_rig(struct rig *rig, unsigned workers, size_t queued)
-{
-    struct problem problem;
-    rig->limits = limits_default;
-    rig->limits.queued_jobs = queued;
-    if (rig->memory > 0)
-        rig->limits.memory = rig->memory;
-    if (rig->job_memory > 0)
-        rig->limits.job_memory = rig->job_memory;
-    assert_int_equal(store_open(rig->dir, NULL, &rig->store, &problem), 0);
-    rig->hub = hub_new(8, 8);
-    rig->metrics = metrics_new();
-    struct queue_setup setup = {.store = rig->store,
-                                .hub = rig->hub,
-                                .metrics = rig->metrics,
-                                .limits = &rig->limits,
-                                .keys = rig->keys,
-                                .workers = workers,
-                                .changed = on_changed,
-                                .data = rig};
-    rig->queue = queue_new(&setup);
-    assert_non_null(rig->queue);
-    assert_int_equal(queue_start(rig->queue, &problem), 0);
-}
-
-static void close_rig(struct rig *rig)
-{
-    queue_interrupt(rig->queue);
-    rig->queue = queue_free(rig->queue);
-    rig->keys = keys_free(rig->keys);
-    rig->hub = hub_free(rig->hub);
-    rig->metrics = metrics_free(rig->metrics);
-    rig->store = store_close(rig->store);
-}
-
-static int rig_new(void **state)
-{
-    static struct rig rig;
-    void *dir;
-    memset(&rig, 0, sizeof rig);
-    if (scratch_new(&dir) != 0)
-        return -1;
-    rig.dir = dir;
-    *state = &rig;
-    return 0;
-}
-
-static int rig_free(void **state)
-{
-    void *dir = ((struct rig *)*state)->dir;
-    return scratch_free(&dir);
-}
-
-static int submit_as(struct rig *rig, struct job job, const char *document, char id[ID_SIZE],
-                     struct problem *problem)
-{
-    struct store_submission submission = {.document = document, .bytes = strlen(document)};
-    char *body = NULL;
-    id_new(job.id);
-    memcpy(id, job.id, ID_SIZE);
-    int result = queue_submit(rig->queue, &job, &submission, &body, problem);
-    if (result == 0) {
-        assert_non_null(strstr(body, "\"status\":\"queued\""));
-        assert_non_null(strstr(body, id));
-    }
-    free(body);
-    job_done(&job);
-    return result;
-}
-
-static int submit(struct rig *rig, const char *document, char id[ID_SIZE], struct problem *problem)
-{
-    return submit_as(rig, (struct job){0}, document, id, problem);
-}
-
-static void pause_ms(long ms)
-{
-    struct timespec t = {ms / 1000, ms % 1000 * 1000000L};
-    nanosleep(&t, NULL);
-}
-
-/* Waits until the job has ended and gives its row; fails after a minute. */
-static void wait_end_of(struct rig *rig, const char *owner, const char *id, struct job *ret)
-{
-    struct problem problem;
-    for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(2)) {
-        assert_int_equal(store_job_get(rig->store, owner, id, ret, &problem), 0);
-        if (job_status_ended(ret->status))
-            return;
-        job_done(ret);
-    }
-    fail_msg("job %s did not end", id);
-}
-
-static void wait_end(struct rig *rig, const char *id, struct job *ret)
-{
-    wait_end_of(rig, "", id, ret);
-}
-
-static void wait_status(struct rig *rig, const char *id, const char *status)
-{
-    char wanted[32];
-    snprintf(wanted, sizeof wanted, "\"status\":\"%s\"", status);
-    for (int64_t limit = clock_monotonic_ms() + 60000; clock_monotonic_ms() < limit; pause_ms(1)) {
-        char *body = NULL;
-        struct revision revision;
-        int found = queue_body(rig->queue, "", id, &body, &revision);
-        bool hit = found == 0 && strstr(body, wanted) != NULL;
-        free(body);
-        if (hit)
-            return;
-        assert_int_equal(found, 0);
-    }
-    fail_msg("job %s did not become %s", id, status);
-}
-
-/* Runs far longer than any test waits for it. */
-static char *long_job(void)
-{
-    return scratch_square(40, "dynamic", 100000);
-}
 
 static void test_queue__a_job_succeeds_and_its_result_is_there_before_it_says_so(void **state)
 {
@@ -378,6 +217,7 @@ static void test_queue__nothing_starts_while_it_is_held(void **state)
     open_rig(rig, 1, 4);
     queue_hold(rig->queue, true);
     assert_int_equal(submit(rig, document, id, &problem), 0);
+    queue_hold(rig->queue, true); /* once more holds no more */
     pause_ms(200);
     queue_measure(rig->queue, &counts);
     assert_int_equal(counts.queued, 1);
@@ -400,6 +240,96 @@ static void test_queue__idle_workers_are_seen_to_look_for_work(void **state)
         queue_measure(rig->queue, &counts);
     while (counts.seen_ms <= since && clock_monotonic_ms() < limit);
     assert_true(counts.seen_ms > since);
+    close_rig(rig);
+}
+
+static void cancel(struct rig *rig, const char *owner, const char *id)
+{
+    struct problem problem;
+    char *body;
+    if (queue_cancel(rig->queue, owner, id, &body, &problem) == 0)
+        free(body);
+}
+
+/* All workers solve, or are told to stop: nobody is missed who looks for no work. */
+static void test_queue__busy_and_stopping_workers_are_seen_as_well(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct queue_counts counts;
+    char id[ID_SIZE], *text = long_job();
+    open_rig(rig, 1, 4);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    wait_status(rig, id, "running");
+    pause_ms(20);
+    int64_t since = clock_monotonic_ms();
+    queue_measure(rig->queue, &counts);
+    assert_int_equal(counts.running, 1);
+    assert_true(counts.seen_ms >= since);
+    cancel(rig, "", id);
+    while (queue_running(rig->queue) > 0)
+        pause_ms(1);
+    queue_drain(rig->queue);
+    pause_ms(20);
+    since = clock_monotonic_ms();
+    queue_measure(rig->queue, &counts);
+    assert_true(counts.seen_ms >= since);
+    free(text);
+    close_rig(rig);
+}
+
+/* The gauge, in seconds. */
+static double oldest_queued(struct rig *rig)
+{
+    struct queue_counts counts;
+    queue_measure(rig->queue, &counts);
+    char *text = metrics_text(rig->metrics), *at = strstr(text, "\ndraped_oldest_queued_seconds ");
+    assert_non_null(at);
+    double seconds = strtod(strchr(at + 1, ' '), NULL);
+    free(text);
+    return seconds;
+}
+
+static void test_queue__the_oldest_that_waits_is_told_whatever_its_priority(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    const int first[] = {JOB_PRIORITY_LOW, JOB_PRIORITY_HIGH};
+    open_rig(rig, 1, 4);
+    queue_hold(rig->queue, true);
+    for (size_t i = 0; i < 2; i++) {
+        char old[ID_SIZE], young[ID_SIZE];
+        struct job job = {.priority = first[i]};
+        assert_int_equal(submit_as(rig, job, "{}", old, &problem), 0);
+        pause_ms(200);
+        job.priority = first[1 - i];
+        assert_int_equal(submit_as(rig, job, "{}", young, &problem), 0);
+        assert_true(oldest_queued(rig) >= 0.2);
+        cancel(rig, "", old);
+        cancel(rig, "", young);
+        assert_true(oldest_queued(rig) == 0);
+    }
+    close_rig(rig);
+}
+
+static void test_queue__jobs_run_where_nobody_listens(void **state)
+{
+    struct rig *rig = *state;
+    struct problem problem;
+    struct job job;
+    char id[ID_SIZE], *text = scratch_square(2, "auto", 50);
+    make_rig(rig, 1, 4);
+    struct queue_setup silent = {
+        .store = rig->store, .hub = rig->hub, .metrics = rig->metrics, .limits = &rig->limits, .workers = 1};
+    queue_free(rig->queue);
+    rig->queue = queue_new(&silent);
+    assert_int_equal(queue_start(rig->queue, &problem), 0);
+    assert_int_equal(submit(rig, text, id, &problem), 0);
+    wait_end(rig, id, &job);
+    assert_int_equal(job.status, JOB_SUCCEEDED);
+    assert_int_equal(rig->changes, 0);
+    job_done(&job);
+    free(text);
     close_rig(rig);
 }
 
@@ -572,14 +502,6 @@ static void open_keys(struct rig *rig, const char *quotas_of_a)
 }
 
 static const struct job job_of_a = {.owner = "a"}, job_of_b = {.owner = "b"};
-
-static void cancel(struct rig *rig, const char *owner, const char *id)
-{
-    struct problem problem;
-    char *body;
-    if (queue_cancel(rig->queue, owner, id, &body, &problem) == 0)
-        free(body);
-}
 
 static void test_queue__a_key_has_as_many_jobs_queued_as_its_quota_and_none_more(void **state)
 {
@@ -764,6 +686,9 @@ int main(void)
         TEST(test_queue__draining_refuses_and_interrupting_puts_back),
         TEST(test_queue__nothing_starts_while_it_is_held),
         TEST(test_queue__idle_workers_are_seen_to_look_for_work),
+        TEST(test_queue__busy_and_stopping_workers_are_seen_as_well),
+        TEST(test_queue__the_oldest_that_waits_is_told_whatever_its_priority),
+        TEST(test_queue__jobs_run_where_nobody_listens),
         TEST(test_queue__an_earlier_daemons_jobs_are_taken_up),
         TEST(test_queue__two_workers_end_every_job_once),
         TEST(test_queue__a_race_of_cancel_and_end_has_one_outcome),

@@ -4,7 +4,8 @@
  * counted from 0, to fail once; afterwards it is -1. `asked` counts the allocations asked for, `held`
  * those not yet freed. Allocations made by the BLAS never fail and are not counted as asked for:
  * OpenBLAS's small kernels take scratch and do not check it, which is not ours to test. Sanitizers
- * bring their own allocator: without CAN_FAIL_ALLOCATIONS such a test skips itself. One thread. */
+ * bring their own allocator: without CAN_FAIL_ALLOCATIONS such a test skips itself. One thread; or, where
+ * SCARCE_PER is defined as _Thread_local before, each thread for itself. */
 #ifndef DRAPED_TEST_SCARCE_H
 #define DRAPED_TEST_SCARCE_H
 
@@ -26,9 +27,13 @@ int posix_memalign(void **ret, size_t alignment, size_t size);
 void *aligned_alloc(size_t alignment, size_t size);
 void *memalign(size_t alignment, size_t size);
 
-static long countdown = -1; /* allocations that still succeed; -1: all */
-static long asked;
-static long held;
+#ifndef SCARCE_PER
+#define SCARCE_PER
+#endif
+
+static SCARCE_PER long countdown = -1; /* allocations that still succeed; -1: all */
+static SCARCE_PER long asked;
+static SCARCE_PER long held;
 
 static bool fails(const void *caller)
 {
