@@ -557,7 +557,7 @@ int queue_submit(struct queue *queue, struct job *job, struct store_submission *
     job->status = JOB_QUEUED;
     job->revision = (struct revision){1, 1};
     job->created_ms = clock_wall_ms();
-    char id[ID_SIZE], *body;
+    char id[ID_SIZE], *body = NULL;
     memcpy(id, job->id, sizeof id);
     struct item *item = item_new(queue, job);
     if (reserve(queue, item, &body, reterr) != 0) {
