@@ -12,6 +12,7 @@
 #include "drape.h"
 #include "jsonout.h"
 #include "log.h"
+#include "memout.h"
 #include "meshref.h"
 #include "negotiate.h"
 #include "output.h"
@@ -516,15 +517,14 @@ void job_list(struct call *call)
     struct problem problem;
     struct list_query query;
     struct listing listing = {call->api, NULL, 0};
-    char *text = NULL;
-    size_t size;
+    struct memout memout;
     int64_t last;
     bool more;
     if (read_query(call, &query, &problem) != 0) {
         call_problem(call, &problem);
         return;
     }
-    listing.out = open_memstream(&text, &size);
+    listing.out = memout_open(&memout);
     if (listing.out == NULL) {
         http_send(call->request, NULL);
         return;
@@ -532,7 +532,9 @@ void job_list(struct call *call)
     fputs("{\"jobs\":[", listing.out);
     int failed = store_job_list(call->api->store, &query.filter, list_job, &listing, &last, &more, &problem);
     fputs("]}", listing.out);
-    if (fclose(listing.out) != 0 && !failed)
+    fclose(listing.out);
+    char *text = memout_take(&memout, NULL);
+    if (text == NULL && !failed)
         failed = problem_set(&problem, PROBLEM_INTERNAL, "Out of memory.");
     if (failed) {
         free(text);

@@ -11,6 +11,8 @@
 #include <zstd.h>
 #include <zstd_errors.h>
 
+#include "memout.h"
+
 #define PIECE 65536
 
 #define GZIP_WBITS  (15 + 16) /* the largest window, in gzip's frame */
@@ -219,13 +221,15 @@ static int write_to(const void *data, size_t bytes, void *sink_data)
 
 int encoding_encode_whole(enum coding coding, const void *data, size_t bytes, char **ret, size_t *ret_bytes)
 {
-    char *coded = NULL;
-    size_t coded_bytes = 0;
-    FILE *out = open_memstream(&coded, &coded_bytes);
+    struct memout memout;
+    size_t coded_bytes;
+    FILE *out = memout_open(&memout);
     if (out == NULL)
         return -1;
     int failed = encoding_encode(coding, data, bytes, write_to, out);
-    if (fclose(out) != 0 || failed) {
+    fclose(out);
+    char *coded = memout_take(&memout, &coded_bytes);
+    if (failed || coded == NULL) {
         free(coded);
         return -1;
     }

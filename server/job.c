@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "memout.h"
 
 static const char *const status_name[JOB_STATUSES] = {
     [JOB_QUEUED] = "queued", [JOB_RUNNING] = "running",   [JOB_SUCCEEDED] = "succeeded",
@@ -183,16 +184,11 @@ static void write_members(FILE *out, const struct job *job, size_t position)
 
 char *job_body(const struct job *job, size_t position)
 {
-    char *text = NULL;
-    size_t size = 0;
-    FILE *out = open_memstream(&text, &size);
+    struct memout memout;
+    FILE *out = memout_open(&memout);
     if (out == NULL)
         return NULL;
     write_members(out, job, position);
-    bool failed = ferror(out) != 0;
-    if (fclose(out) != 0 || failed) {
-        free(text);
-        return NULL;
-    }
-    return text;
+    fclose(out);
+    return memout_take(&memout, NULL);
 }

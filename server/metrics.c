@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "drape.h"
+#include "memout.h"
 
 enum metric_kind { GAUGE, COUNTER, HISTOGRAM };
 
@@ -194,9 +195,8 @@ static void write_requests(FILE *out, const struct metrics *metrics)
 
 char *metrics_text(struct metrics *metrics)
 {
-    char *text = NULL;
-    size_t size = 0;
-    FILE *out = open_memstream(&text, &size);
+    struct memout memout;
+    FILE *out = memout_open(&memout);
     if (out == NULL)
         return NULL;
     pthread_mutex_lock(&metrics->lock);
@@ -208,10 +208,6 @@ char *metrics_text(struct metrics *metrics)
             "# HELP draped_build_info The version that runs.\n# TYPE draped_build_info gauge\n"
             "draped_build_info{version=\"%s\"} 1\n",
             drape_version());
-    bool failed = ferror(out) != 0;
-    if (fclose(out) != 0 || failed) {
-        free(text);
-        return NULL;
-    }
-    return text;
+    fclose(out);
+    return memout_take(&memout, NULL);
 }

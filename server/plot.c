@@ -15,6 +15,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "memout.h"
+
 /* Size of the picture, in pixels. */
 #define WIDTH  1000
 #define HEIGHT 640
@@ -286,7 +288,8 @@ static bool has_svg_driver(void)
 static int draw_to_memory(struct curve curve[4], double tolerance, const char *title, char **ret,
                           size_t *ret_bytes)
 {
-    FILE *file = open_memstream(ret, ret_bytes);
+    static struct memout memout; /* the stream may stay open, see below */
+    FILE *file = memout_open(&memout);
     if (!file)
         return -1;
     if (setjmp(plot_way_out)) {
@@ -298,8 +301,9 @@ static int draw_to_memory(struct curve curve[4], double tolerance, const char *t
         fclose(file);
         return -1;
     }
-    draw(curve, tolerance, title, file);
-    return 0;
+    draw(curve, tolerance, title, file); /* closes it */
+    *ret = memout_take(&memout, ret_bytes);
+    return *ret == NULL ? -1 : 0;
 }
 
 int plot_trace_svg(const drape_row *row, size_t rows, double tolerance, const char *title, char **ret,

@@ -1,6 +1,8 @@
 /* test_job.c - revisions are ordered, and the job body has every member of the contract. */
 #include "test.h"
 
+#include "../solver/scarce.h"
+
 #include <jansson.h>
 
 #include "job.h"
@@ -80,7 +82,9 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     job.priority = JOB_PRIORITY_LOW;
     char warnings[] = "[{\"pointer\":\"/cloth/seams/0\",\"detail\":\"crossed\"}]";
     job.warnings = warnings;
+    memset(job.trace_id, 'a', sizeof job.trace_id - 1);
     json = body(&job, 0);
+    assert_string_equal(json_string_value(json_object_get(json, "trace_id")), job.trace_id);
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 1);
     assert_string_equal(json_string_value(json_object_get(json, "priority")), "low");
     json_decref(json);
@@ -110,6 +114,57 @@ static void test_job__a_copy_owns_its_texts(void **state)
     job_done(&copy);
 }
 
+#ifdef CAN_FAIL_ALLOCATIONS
+
+static void test_job__a_copy_is_whole_or_none(void **state)
+{
+    (void)state;
+    char *text[] = {strdup("n"), strdup("{}"), strdup("[]"), strdup("{}"), strdup("{}"), strdup("{}")};
+    struct job job = {.id = "1",
+                      .name = text[0],
+                      .labels = text[1],
+                      .warnings = text[2],
+                      .progress = text[3],
+                      .report = text[4],
+                      .error = text[5]},
+               copy = {.id = "other"};
+    for (long n = 0; n <= 6; n++) {
+        long before = held;
+        countdown = n;
+        assert_int_equal(job_copy(&job, &copy), n < 6 ? -1 : 0);
+        assert_int_equal(held, n < 6 ? before : before + 6);
+        assert_string_equal(copy.id, n < 6 ? "other" : "1");
+    }
+    countdown = -1;
+    job_done(&copy);
+    job_done(&job);
+}
+
+/* A body of some kilobytes grows while it is written. */
+static void test_job__a_body_is_whole_or_none(void **state)
+{
+    (void)state;
+    char name[20000];
+    memset(name, '"', sizeof name);
+    name[sizeof name - 1] = '\0';
+    struct job job = {.id = "0", .name = name};
+    char *whole = job_body(&job, 0), *text;
+    long refusals = 0, n = 0, before = held;
+    do {
+        countdown = n++;
+        text = job_body(&job, 0);
+        refusals += text == NULL;
+        assert_true(text != NULL || held == before);
+        if (text != NULL)
+            assert_string_equal(text, whole);
+        free(text);
+    } while (countdown < 0);
+    countdown = -1;
+    assert_true(refusals > 3);
+    free(whole);
+}
+#endif
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -120,6 +175,10 @@ int main(void)
         cmocka_unit_test(test_job__body_has_every_member_of_the_contract),
         cmocka_unit_test(test_job__names_are_escaped),
         cmocka_unit_test(test_job__a_copy_owns_its_texts),
+#ifdef CAN_FAIL_ALLOCATIONS
+        cmocka_unit_test(test_job__a_copy_is_whole_or_none),
+        cmocka_unit_test(test_job__a_body_is_whole_or_none),
+#endif
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
