@@ -79,11 +79,12 @@ bool claims_take(struct claims *claims, struct claim *claim, const char *owner, 
 void claims_release(struct claims *claims, struct claim *claim)
 {
     pthread_mutex_lock(&claims->lock);
-    for (struct claim **p = &claims->first; claim->held && *p != NULL; p = &(*p)->next)
-        if (*p == claim) {
-            *p = claim->next;
-            claim->held = false;
-            break;
-        }
+    if (claim->held) { /* so it is in the list */
+        struct claim **p = &claims->first;
+        while (*p != claim)
+            p = &(*p)->next;
+        *p = claim->next;
+        claim->held = false;
+    }
     pthread_mutex_unlock(&claims->lock);
 }

@@ -118,12 +118,13 @@ void line_leave(struct line *line, struct place *place)
     *(place->next != NULL ? &place->next->prev : &share->last[rank(place)]) = place->prev;
 }
 
+/* Of a share of which something waits. */
 static struct place *first_place(const struct share *share)
 {
-    for (size_t r = 0; r < JOB_PRIORITIES; r++)
-        if (share->first[r] != NULL)
-            return share->first[r];
-    return NULL;
+    size_t r = 0;
+    while (share->first[r] == NULL)
+        r++;
+    return share->first[r];
 }
 
 /* ---- turns ------------------------------------------------------------------------------------------ */
@@ -139,8 +140,10 @@ struct place *line_take(struct line *line)
     struct share *share = line->first;
     while (share != NULL && !may_start(line, share))
         share = share->next;
-    struct place *place = share == NULL ? NULL : first_place(share);
-    if (place == NULL || (line->taken > 0 && line->memory + place->memory > line->limits->memory))
+    if (share == NULL)
+        return NULL;
+    struct place *place = first_place(share);
+    if (line->taken > 0 && line->memory + place->memory > line->limits->memory)
         return NULL;
     line_leave(line, place);
     unlink_share(line, share);

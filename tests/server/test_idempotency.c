@@ -1,5 +1,8 @@
 /* test_idempotency.c - what a key is, who holds one, what is answered under it; and that many who post the
  * same at once make one job. */
+#define SCARCE_PER _Thread_local
+#include "../solver/scarce.h"
+
 #include "shelf.h"
 
 #include <pthread.h>
@@ -76,6 +79,19 @@ static void test_idempotency__a_key_is_held_by_one_of_each_owner(void **state)
     assert_null(claims_free(claims));
     assert_null(claims_free(NULL));
 }
+
+#ifdef CAN_FAIL_ALLOCATIONS
+static void test_idempotency__without_memory_there_are_no_claims(void **state)
+{
+    (void)state;
+    countdown = 0;
+    assert_null(claims_new());
+    assert_int_equal(countdown, -1);
+    struct claims *claims = claims_new();
+    assert_non_null(claims);
+    claims_free(claims);
+}
+#endif
 
 /* ---- answers ------------------------------------------------------------------------------------ */
 
@@ -273,6 +289,9 @@ int main(void)
         cmocka_unit_test(test_idempotency__what_is_no_key_is_refused),
         cmocka_unit_test(test_idempotency__a_key_has_255_characters_at_most),
         cmocka_unit_test(test_idempotency__a_key_is_held_by_one_of_each_owner),
+#ifdef CAN_FAIL_ALLOCATIONS
+        cmocka_unit_test(test_idempotency__without_memory_there_are_no_claims),
+#endif
         TEST(test_idempotency__an_answer_is_kept_with_the_job_for_a_day),
         TEST(test_idempotency__a_key_that_is_taken_makes_no_job),
         TEST(test_idempotency__a_job_that_is_not_taken_leaves_its_key_free),
