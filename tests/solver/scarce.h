@@ -41,7 +41,10 @@ static bool fails(const void *caller)
     if (dladdr(caller, &info) && strstr(info.dli_fname, "blas"))
         return false;
     asked++;
-    return countdown >= 0 && countdown-- == 0;
+    if (countdown < 0 || countdown-- > 0)
+        return false;
+    errno = ENOMEM;
+    return true;
 }
 
 static void *counted(void *fresh)
