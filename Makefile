@@ -26,7 +26,7 @@ FUZZ_SRC    := $(wildcard tests/fuzz/fuzz_*.c)
 FUZZERS     := $(FUZZ_SRC:tests/%.c=$(TBIN)/%)
 
 ALL_SRC := $(wildcard solver/*.c server/*.c client/*.c) $(TEST_SRC) $(FUZZ_SRC) \
-           $(wildcard tests/api/*.c tests/preload/*.c tests/stability/*.c tests/counts/*.c)
+           $(wildcard tests/api/*.c tests/preload/*.c tests/stability/*.c tests/counts/*.c tests/bench/*.c)
 ALL_HDR := $(wildcard solver/*.h server/*.h client/*.h tests/*.h tests/*/*.h)
 
 # ---- compiler ------------------------------------------------------------------------------
@@ -90,6 +90,7 @@ INC_tests/counts    = -iquote solver
 INC_tests/fuzz     = -iquote tests $(INC_server)
 INC_tests/api      =
 INC_tests/preload  =
+INC_tests/bench    =
 folder = $(patsubst %/,%,$(dir $(1)))
 
 # ---- the binaries --------------------------------------------------------------------------
@@ -169,6 +170,10 @@ $(foreach c,$(COUNTS),$(eval $(call counts_program,$(c))))
 API_TOOLS := $(patsubst tests/%.c,$(TBIN)/%,$(wildcard tests/api/*.c))
 $(TBIN)/api/%: $(OBJ)/tests/api/%.o
 	$(LINK) -lm
+# The floor of `make bench`: the rates of the BLAS that the solver uses.
+$(TBIN)/bench/%: $(OBJ)/tests/bench/%.o
+	$(LINK) -lopenblas
+
 # What the API tests put between the daemon and the system, by LD_PRELOAD.
 PRELOADS := $(patsubst tests/%.c,$(TBIN)/%.so,$(wildcard tests/preload/*.c))
 $(TBIN)/preload/%.so: tests/preload/%.c
@@ -211,6 +216,12 @@ check-stability: ## run every stability case under every method (minutes); the t
 .PHONY: asan ubsan tsan
 asan ubsan tsan: ## build that flavour and run its unit tests and the API smoke test
 	+@MAKE='$(MAKE) --no-print-directory $(JOBS)' tests/run.sh $@
+
+.PHONY: bench
+bench: ## time and iterations of every scene and size by method, against the floor: build/bench.md, bench.html (hours)
+	@tests/packages.sh build
+	@$(MAKE) --no-print-directory $(JOBS) all $(TBIN)/bench/floor
+	@tests/bench/bench.sh
 
 .PHONY: bench-methods
 bench-methods: ## compare methods on 22 scenes, the paper's square and wrinkles (an hour): build/bench-*.md, README.md

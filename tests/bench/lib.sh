@@ -10,10 +10,15 @@ pid='' url=''
 
 say() { echo "$me: $*" >&2; }
 
+stop_daemon() {
+    if [[ -n $pid ]] && kill -TERM "$pid" 2>/dev/null; then wait "$pid" || true; fi
+    pid=''
+}
+
 # The daemon is stopped and its folder removed however this ends.
 leave() {
     status=$?
-    if [[ -n $pid ]] && kill -TERM "$pid" 2>/dev/null; then wait "$pid" || true; fi
+    stop_daemon
     if ((status)) && [[ -s $work/log ]]; then
         say 'failed; the daemon said:'
         tail -n 20 "$work/log" >&2
@@ -24,10 +29,11 @@ trap leave EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 
-# One worker: nothing else is solved while seconds are counted.
+# start_daemon [WORKERS]: one if not said otherwise, so that nothing else is solved while seconds are counted.
 start_daemon() {
-    build/draped --listen 127.0.0.1:0 --admin 127.0.0.1:0 --data "$work/data" --url-file "$work/url" --workers 1 \
-        --drain-timeout 1 2>"$work/log" &
+    rm -f "$work/url"
+    build/draped --listen 127.0.0.1:0 --admin 127.0.0.1:0 --data "$work/data" --url-file "$work/url" \
+        --workers "${1:-1}" --drain-timeout 1 2>"$work/log" &
     pid=$!
     for ((i = 0; i < 200; i++)); do
         [[ -s $work/url ]] && break

@@ -1,0 +1,111 @@
+#!/bin/bash
+# `make bench`: what a drape costs, by scene, size and method, in one run through the API; ratios first. Leaves the
+# comparison of each scene (its page shows error against run time) and its jobs' reports in build/bench/, the tables in
+# build/bench.md, and the same as a page in build/bench.html.
+#   SCENES='square-5000-* shirt'   only those of: square-{5000,20000,60000,200000}-{10,1000,10000} (triangles, N/m)
+#                                  wrinkles-{20000,100000} shirt skirt8 dress; workers: two jobs beside each other;
+#   METHODS='auto dynamic'         (auto stop-and-go:stop_on=potential dynamic newton:line_search=true)
+#   TIME_LIMIT=60                  seconds of a run               (300)
+#   ITERATIONS=100                 iterations of a run            (1000)
+. "$(dirname "$0")/lib.sh"
+out=build/bench
+shared=../shared/data
+limit=${TIME_LIMIT:-300}
+most=${ITERATIONS:-1000}
+read -ra wanted <<<"${SCENES:-*}"
+read -ra methods <<<"${METHODS:-auto stop-and-go:stop_on=potential dynamic newton:line_search=true}"
+
+mkdir -p "$out"
+build/release/tests/bench/floor >"$work/floor"
+start_daemon
+
+is_wanted() {
+    local scene
+    for scene in "${wanted[@]}"; do
+        # shellcheck disable=SC2053 # a pattern is meant
+        [[ $1 == $scene ]] && return
+    done
+    return 1
+}
+
+# solve NAME JOB TRIANGLES: compares the methods, `auto` with a certificate, and keeps the reports.
+solve() {
+    local members id
+    members='{"tolerance": 1e-6, "max_iterations": '$most', "time_limit_s": '$limit', "time_step": 0.02}'
+    # Newton's LDL' of a large matrix takes minutes; who asks for less time means it.
+    compare "$1" "$2" "$members" "${methods[@]/#auto/auto:certify=true}"
+    : >"$work/reports"
+    for id in $(jq -r '.methods[].id // empty' "$out/$1.json"); do
+        curl -sSf "$url/v1/jobs/$id" >>"$work/reports"
+    done
+    jq -s 'map({key: .id, value: .report}) | from_entries' "$work/reports" >"$out/$1.reports"
+    jq -c --arg scene "$1" --argjson triangles "$3" --slurpfile report "$out/$1.reports" \
+        '{$scene, $triangles, methods: [.methods[] | . + {report: $report[0][.id // ""]}]}' "$out/$1.json" >>"$work/rows"
+}
+
+triangles_of() { jq '.cloth.mesh.triangles | length / 3' "$1"; }
+
+# ---- scenes ----------------------------------------------------------------------------------------
+
+run_square() { # run_square TRIANGLES N_PER_M
+    is_wanted "square-$1-$2" || return 0
+    build/drape example square --triangles "$1" |
+        jq -c --argjson k "$2" '.cloth.materials[0].stretch = {weft: $k, warp: $k, shear: ($k / 2)}' >"$work/job"
+    solve "square-$1-$2" "$work/job" "$(triangles_of "$work/job")"
+}
+
+run_wrinkles() { # run_wrinkles TRIANGLES: see wrinkles.sh
+    is_wanted "wrinkles-$1" || return 0
+    build/drape example skirt --triangles "$1" >"$work/skirt"
+    settle "$work/skirt" "$work/positions" 1e-3
+    jq -c --slurpfile x "$work/positions" '.cloth.mesh.positions = $x[0]' "$work/skirt" >"$work/job"
+    solve "wrinkles-$1" "$work/job" "$(triangles_of "$work/job")"
+}
+
+run_garment() { # run_garment NAME: as in garments.sh
+    is_wanted "$1" || return 0
+    [[ -r $shared/bodies/body_f_A.obj ]] || { say "$shared is absent: no $1" && return; }
+    build/drape scene --garment "$shared/garments/$1.obj" --seams "$shared/garments/$1.seams" \
+        --body "$shared/bodies/body_f_A.obj" --material cotton-poplin --friction 0.3 --self-contact on |
+        jq -c 'del(.cloth.triangle_material) | .cloth.materials = [{density: 0.17,
+            stretch: {weft: 400, warp: 400, shear: 100}, poisson: 0, bend: {weft: 1e-5, warp: 1e-5, twist: 5e-6}}]' >"$work/job"
+    solve "$1" "$work/job" "$(triangles_of "$work/job")"
+}
+
+# Four jobs alike on one worker and on two. A job uses one processor, so there is no job on two to compare with.
+run_workers() {
+    is_wanted workers || return 0
+    local workers began id ids
+    build/drape example square --triangles 20000 | jq -c '.solver = {tolerance: 1e-3}' >"$work/job"
+    for workers in 1 2; do
+        stop_daemon
+        start_daemon "$workers"
+        say "four jobs on $workers workers"
+        ids=()
+        began=$EPOCHREALTIME
+        for _ in 1 2 3 4; do ids+=("$(build/drape submit "$work/job" -q --json | jq -r .id)"); done
+        for id in "${ids[@]}"; do build/drape watch "$id" -q >"$work/said"; done
+        jq -cn --argjson workers "$workers" --argjson began "$began" --argjson ended "$EPOCHREALTIME" \
+            '{$workers, seconds: ($ended - $began)}' >>"$work/workers"
+    done
+    stop_daemon
+    start_daemon
+}
+
+# ---- all of it -------------------------------------------------------------------------------------
+
+: >"$work/rows"
+: >"$work/workers"
+for size in 5000 20000 60000 200000; do
+    for stretch in 10 1000 10000; do run_square "$size" "$stretch"; done
+done
+for size in 20000 100000; do run_wrinkles "$size"; done
+for garment in shirt skirt8 dress; do run_garment "$garment"; done
+run_workers
+for form in md html; do
+    jq -rn -f tests/bench/bench.jq --arg form "$form" --slurpfile rows "$work/rows" --slurpfile floor "$work/floor" \
+        --slurpfile workers "$work/workers" --argjson limit "$limit" --argjson most "$most" \
+        --arg processors "$(nproc)" >"build/bench.$form"
+done
+cat build/bench.md
+say 'see build/bench.html'
