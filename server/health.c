@@ -4,9 +4,9 @@
 #include <stdio.h>
 
 static const char *const part_name[PULSES] = {
-    [PULSE_MAIN] = "main",       [PULSE_API] = "api loop", [PULSE_ADMIN] = "admin loop",
-    [PULSE_WORKERS] = "workers", [PULSE_CLERK] = "clerk",  [PULSE_READER] = "reader",
-    [PULSE_STORE] = "store",
+    [PULSE_MAIN] = "main",       [PULSE_API] = "api loop",    [PULSE_ADMIN] = "admin loop",
+    [PULSE_WORKERS] = "workers", [PULSE_CLERK] = "clerk",     [PULSE_READER] = "reader",
+    [PULSE_STORE] = "store",     [PULSE_PRUNING] = "pruning",
 };
 
 void health_init(struct health *health, int64_t patience_ms, uint64_t min_free_bytes, int64_t now_ms)

@@ -22,6 +22,7 @@ enum pulse_of {
     PULSE_CLERK,    /* its task is not stuck */
     PULSE_READER,   /* its body is not stuck */
     PULSE_STORE,    /* a look at the data folder and a question to the database came back */
+    PULSE_PRUNING,  /* the step of the thread that prunes is not stuck */
     PULSES
 };
 

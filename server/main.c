@@ -140,6 +140,7 @@ static void see_parts(struct server *s, const struct queue_counts *counts, int64
     health_see(health, PULSE_WORKERS, counts->seen_ms);
     health_see(health, PULSE_CLERK, executor_seen_ms(s->api.clerk));
     health_see(health, PULSE_READER, executor_seen_ms(s->api.reader));
+    health_see(health, PULSE_PRUNING, retention_seen_ms(s->retention));
     atomic_store(&health->queue_full, counts->queued + counts->running >= s->config.limits.queued_jobs);
 }
 

@@ -14,9 +14,10 @@ struct retention {
     struct store_policy policy;
     struct metrics *metrics;
     pthread_t thread;
-    pthread_mutex_t lock; /* stop */
+    pthread_mutex_t lock; /* guards all below */
     pthread_cond_t wake;
     bool stop;
+    int64_t since_ms; /* monotonic; when its step began; 0: it sleeps */
 };
 
 /* Whether there may be more to do. */
@@ -39,6 +40,7 @@ static void sleep_until_next(struct retention *r)
     struct timespec until;
     clock_gettime(CLOCK_MONOTONIC, &until);
     until.tv_sec += RETENTION_PERIOD_MS / 1000;
+    r->since_ms = 0;
     while (!r->stop && pthread_cond_timedwait(&r->wake, &r->lock, &until) == 0)
         continue;
 }
@@ -48,6 +50,7 @@ static void *retention_main(void *data)
     struct retention *r = data;
     pthread_mutex_lock(&r->lock);
     while (!r->stop) {
+        r->since_ms = clock_monotonic_ms();
         pthread_mutex_unlock(&r->lock);
         bool more = prune(r);
         pthread_mutex_lock(&r->lock);
@@ -67,6 +70,7 @@ struct retention *retention_new(struct store *store, const struct store_policy *
     r->store = store;
     r->policy = *policy;
     r->metrics = metrics;
+    r->since_ms = clock_monotonic_ms();
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
@@ -81,6 +85,14 @@ struct retention *retention_new(struct store *store, const struct store_policy *
     pthread_mutex_destroy(&r->lock);
     free(r);
     return NULL;
+}
+
+int64_t retention_seen_ms(struct retention *retention)
+{
+    pthread_mutex_lock(&retention->lock);
+    int64_t seen = retention->since_ms == 0 ? clock_monotonic_ms() : retention->since_ms;
+    pthread_mutex_unlock(&retention->lock);
+    return seen;
 }
 
 struct retention *retention_free(struct retention *r)

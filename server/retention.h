@@ -8,6 +8,9 @@ struct retention;
 
 #define RETENTION_PERIOD_MS 5000 /* between two looks */
 
+/* Monotonic: when it last got on; now while it sleeps, and not during a step, which is small. Any thread. */
+int64_t retention_seen_ms(struct retention *retention);
+
 /* Starts at once. `store` must outlive it. NULL when out of memory or threads. */
 struct retention *retention_new(struct store *store, const struct store_policy *policy,
                                 struct metrics *metrics);
