@@ -37,11 +37,15 @@ static void format_etag(struct revision revision, const char *body, char ret[ETA
     snprintf(ret, ETAG_SIZE, "\"%s-%s\"", text, stamp);
 }
 
-static struct http_answer *answer_body(int status, struct revision revision, char *body, bool ended)
+/* Takes `body`. With `known`, a list of tags that the client has (NULL: none), perhaps a 304. */
+static struct http_answer *answer_body(int status, struct revision revision, char *body, bool ended,
+                                       const char *known)
 {
     char etag[ETAG_SIZE];
     format_etag(revision, body, etag);
     struct http_answer *answer = http_answer_text(status, "application/json", body);
+    if (negotiate_unchanged(known, etag))
+        answer = http_answer_unmodified(answer);
     http_answer_header(answer, "ETag", "%s", etag);
     http_answer_header(answer, "Cache-Control", "no-cache");
     if (!ended)
@@ -84,7 +88,7 @@ int job_look_up(struct api *api, const char *owner, const char *id, char **ret_b
 static struct http_answer *answer_post(const struct call *call, const char *id, struct revision revision,
                                        char *body, bool ended, bool waited)
 {
-    struct http_answer *answer = answer_body(ended ? 200 : 202, revision, body, ended);
+    struct http_answer *answer = answer_body(ended ? 200 : 202, revision, body, ended, NULL);
     if (call->replayed)
         http_answer_header(answer, "Idempotency-Replayed", "true");
     http_answer_header(answer, "Location", "/v1/jobs/%s", id);
@@ -95,14 +99,7 @@ static struct http_answer *answer_post(const struct call *call, const char *id, 
 
 static struct http_answer *answer_get(struct call *call, struct revision revision, char *body, bool ended)
 {
-    char etag[ETAG_SIZE];
-    format_etag(revision, body, etag);
-    if (!negotiate_unchanged(http_header(call->request, "If-None-Match"), etag))
-        return answer_body(200, revision, body, ended);
-    free(body);
-    struct http_answer *answer = http_answer_empty(304);
-    http_answer_header(answer, "ETag", "%s", etag);
-    return answer;
+    return answer_body(200, revision, body, ended, http_header(call->request, "If-None-Match"));
 }
 
 static struct http_answer *answer_waiting(struct call *call, struct revision revision, char *body, bool ended)

@@ -750,6 +750,20 @@ struct http_answer *http_answer_empty(int status)
     return http_answer_static(status, NULL, "", 0);
 }
 
+/* The library sends no body with a 304, but the length of what it would be, which is all it may tell (RFC
+ * 9110 section 8.6): of an empty answer that would be 0. */
+struct http_answer *http_answer_unmodified(struct http_answer *answer)
+{
+    if (answer == NULL)
+        return NULL;
+    const char *type = MHD_get_response_header(answer->response, "Content-Type");
+    if (type != NULL)
+        MHD_del_response_header(answer->response, "Content-Type", type);
+    answer->status = 304;
+    answer->bytes = 0;
+    return answer;
+}
+
 struct http_answer *http_answer_file(int status, const char *type, int fd, uint64_t bytes)
 {
     struct MHD_Response *response = MHD_create_response_from_fd64(bytes, fd);

@@ -117,6 +117,8 @@ void http_send_problem(struct http_request *request, const struct problem *probl
 struct http_answer *http_answer_text(int status, const char *type, char *text); /* malloc'd; taken */
 struct http_answer *http_answer_static(int status, const char *type, const void *data, size_t bytes);
 struct http_answer *http_answer_empty(int status);
+/* Makes a 304 of an answer of 200: its length is told, its body stays. */
+struct http_answer *http_answer_unmodified(struct http_answer *answer);
 struct http_answer *http_answer_file(int status, const char *type, int fd, uint64_t bytes); /* takes fd */
 struct http_answer *http_answer_problem(const struct http_request *request, const struct problem *problem);
 

@@ -21,8 +21,7 @@ void represent_send(struct call *call, struct http_answer *answer, const struct 
     const char *suffix = coding_suffix(as->coding);
     snprintf(etag, sizeof etag, "\"%s%s%s\"", as->tag, *suffix ? "-" : "", suffix);
     if (negotiate_unchanged(http_header(call->request, "If-None-Match"), etag)) {
-        http_answer_free(answer);
-        answer = http_answer_empty(304);
+        answer = http_answer_unmodified(answer);
     } else if (as->coding != CODING_IDENTITY) {
         http_answer_header(answer, "Content-Encoding", "%s", coding_name(as->coding));
     }

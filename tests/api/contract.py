@@ -215,6 +215,15 @@ def check_problem(where, headers, body):
     check_body(where, {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}, headers, body, False)
 
 
+def check_unmodified(where, headers):
+    """RFC 9110, sections 8.6 and 15.4.5: no length but that of the 200, which is none of ours to have no bytes."""
+    if headers.get("content-length") == "0":
+        say(f"{where}: Content-Length: 0")
+    for name in ("etag", "cache-control"):
+        if name not in headers:
+            say(f"{where}: no {name}")
+
+
 def check_answer(stem):
     with open(stem + ".meta", encoding="utf-8", errors="replace") as meta:
         method, url, status, listener = meta.read().split("\n")[:4]
@@ -228,6 +237,8 @@ def check_answer(stem):
     template, item = find_path(url)
     where = f"{method} {template or urlsplit(url).path[:80]} {status}"
     looked_at["answers"] += 1
+    if status == "304":
+        check_unmodified(where, headers)
     # HEAD works wherever GET does.
     operation = (item or {}).get(method.lower(), (item or {}).get("get") if method == "HEAD" else None)
     if operation is None or ("servers" in item) != (listener == "admin"):

@@ -96,6 +96,7 @@ representations() {
         : >"$body"
         request GET "$path" -H "Accept-Encoding: $coding" -H "If-None-Match: \"x\", $etag" "$@"
         is "$name in $coding is not sent again" "$code $(header etag) $(stat -c %s "$body")" "304 $etag 0"
+        is "and the length is that of $name in $coding" "$(header content-length)" "$length"
     done
     is "$name has three ETags" "$(tr ' ' '\n' <<<"$etags" | grep -c '^".*"$') $(tr ' ' '\n' <<<"$etags" | sort -u | grep -c '"')" '3 3'
     request GET "$path" -H 'Accept-Encoding: gzip' -H "If-None-Match: ${etags%% *}" "$@"

@@ -97,11 +97,13 @@ END
 # ---- ETags
 request GET "/v1/jobs/$id"
 etag=$(header etag)
+length=$(header content-length)
 like 'the ETag of a job is strong' "$etag" '^"[0-9.]+-[0-9a-f]{16}"$'
 for list in '*' "$etag" "W/$etag" "\"a\", $etag" "\"a\",\"b,c\" , W/$etag"; do
     request GET "/v1/jobs/$id" -H "If-None-Match: $list"; is "If-None-Match: $list" "$code $(header etag)" "304 $etag"
 done
 request GET "/v1/jobs/$id" -H 'If-None-Match: "a"' -H "If-None-Match: $etag"; is 'in two lines' "$code" 304
+is 'with what a cache wants to know' "$(header cache-control) $(header content-length)" "no-cache $length"
 for list in '"a"' "${etag//\"/}" '"*"' ''; do
     request GET "/v1/jobs/$id" -H "If-None-Match: $list"; is "If-None-Match: $list" "$code" 200
 done
