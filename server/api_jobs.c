@@ -548,6 +548,8 @@ void job_list(struct call *call)
 /* ---- results ----------------------------------------------------------------------------------------------
  */
 
+#define MAX_REPRESENTATIONS 8
+
 struct representation {
     const char *name, *type, *file;
 };
@@ -570,7 +572,7 @@ static const struct representation *choose(const struct call *call, const struct
                                            size_t count)
 {
     char format[16];
-    const char *type[8];
+    const char *type[MAX_REPRESENTATIONS];
     int given = http_query(call->request, "format", format, sizeof format);
     for (size_t i = 0; i < count; i++) {
         if (given == 0 && strcmp(format, table[i].name) == 0)
@@ -581,6 +583,16 @@ static const struct representation *choose(const struct call *call, const struct
         return NULL;
     int best = negotiate_accept(http_header(call->request, "Accept"), type, count);
     return best < 0 ? NULL : &table[best];
+}
+
+static void refuse_formats(struct call *call, const struct representation *table, size_t count)
+{
+    const char *name[MAX_REPRESENTATIONS], *type[MAX_REPRESENTATIONS];
+    for (size_t i = 0; i < count; i++) {
+        name[i] = table[i].name;
+        type[i] = table[i].type;
+    }
+    represent_refuse(call, name, type, count);
 }
 
 /* The job when it has ended; otherwise answers, and is false. */
@@ -652,7 +664,7 @@ static void send_representation(struct call *call, const struct representation *
         return;
     const struct representation *r = choose(call, table, count);
     if (r == NULL)
-        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
+        refuse_formats(call, table, count);
     else
         send_file(call, &job, r);
     job_done(&job);

@@ -187,6 +187,16 @@ static int choose_format(const struct call *call, enum mesh_format kept)
     return best < 0 ? -1 : format[best];
 }
 
+static void refuse_formats(struct call *call)
+{
+    const char *name[MESH_FORMATS], *type[MESH_FORMATS];
+    for (int i = 0; i < MESH_FORMATS; i++) {
+        name[i] = mesh_format_name((enum mesh_format)i);
+        type[i] = mesh_format_media_type((enum mesh_format)i);
+    }
+    represent_refuse(call, name, type, MESH_FORMATS);
+}
+
 /* What is sent of a mesh, and how. */
 struct outgoing {
     struct store_mesh mesh;
@@ -209,7 +219,7 @@ static bool open_mesh(struct call *call, struct outgoing *ret, enum mesh_format 
     int format = choose_format(call, (enum mesh_format)ret->mesh.format);
     if (format < 0) {
         close(ret->fd);
-        call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "See /v1/info for the formats on offer.");
+        refuse_formats(call);
         return false;
     }
     ret->coding = CODING_IDENTITY;

@@ -15,6 +15,14 @@ int represent_choose(struct call *call, unsigned offered)
     return coding;
 }
 
+void represent_refuse(struct call *call, const char *const *name, const char *const *type, size_t formats)
+{
+    char list[200] = "";
+    for (size_t i = 0, n = 0; i < formats && n < sizeof list; i++)
+        n += (size_t)snprintf(list + n, sizeof list - n, "%s%s (%s)", i > 0 ? ", " : "", name[i], type[i]);
+    call_refuse(call, PROBLEM_NOT_ACCEPTABLE, "There are %s.", list);
+}
+
 void represent_send(struct call *call, struct http_answer *answer, const struct representing *as)
 {
     char etag[128];

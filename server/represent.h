@@ -13,6 +13,9 @@
  * answers 406 and is -1. */
 int represent_choose(struct call *call, unsigned offered);
 
+/* Answers 406, with the formats that there are and their media types. */
+void represent_refuse(struct call *call, const char *const *name, const char *const *type, size_t formats);
+
 /* What a representation says of itself. */
 struct representing {
     const char *tag; /* of its ETag, without quotes and coding */

@@ -95,6 +95,8 @@ is 'GLB states its own length' "$(od -An -tu4 -j8 -N4 "$body" | tr -d ' ')" "$(s
 request GET "/v1/jobs/$id/result?format=ply"; is 'PLY starts with its magic' "$(head -c 3 "$body")" ply
 request GET "/v1/jobs/$id/result" -H 'Accept: text/html'; problem 'another type is not acceptable' 406 not-acceptable
 request GET "/v1/jobs/$id/result?format=fbx"; problem 'nor is another format' 406 not-acceptable
+is 'it says what there is' "$(jq -r .detail "$body")" \
+    'There are json (application/json), glb (model/gltf-binary), obj (model/obj), ply (application/x-ply).'
 
 request GET "/v1/jobs/$id/trace?format=csv"
 like 'the trace as CSV' "$(header content-type)" '^text/csv'

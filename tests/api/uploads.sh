@@ -71,6 +71,8 @@ request GET "/v1/meshes/$sha" -H 'Accept: model/gltf-binary'; is 'by Accept' "$(
 request GET "/v1/meshes/$sha" -H 'Accept: */*'; is 'anything is the upload' "$(header content-type)" model/obj
 request GET "/v1/meshes/$sha" -H 'Accept: image/png'; problem 'no mesh' 406 not-acceptable
 request GET "/v1/meshes/$sha?format=stl"; problem 'no format of ours' 406 not-acceptable
+is 'it says what there is' "$(jq -r .detail "$body")" \
+    'There are obj (model/obj), ply (application/x-ply), glb (model/gltf-binary), json (application/json).'
 request HEAD "/v1/meshes/$sha?format=ply"; is 'HEAD too' "$code:$(header content-type)" 200:application/x-ply
 like 'tells the length' "$(header content-length)" '^[1-9]'
 request GET "/v1/meshes/$(printf '%064d' 1)?format=ply"; problem 'a mesh that is not there' 404 not-found
