@@ -215,6 +215,14 @@ def check_problem(where, headers, body):
     check_body(where, {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}, headers, body, False)
 
 
+def check_code(where, description, headers, body):
+    """A refusal's code is among those that the document names for its status, as `problem: a, b`."""
+    if headers.get("content-type", "").startswith("application/problem+json") and body:
+        code = json.loads(body).get("code")
+        if code not in re.findall(r"[a-z-]+", description):
+            say(f"{where}: {code} is not in \"{description}\"")
+
+
 def check_unmodified(where, headers):
     """RFC 9110, sections 8.6 and 15.4.5: no length but that of the 200, which is none of ours to have no bytes."""
     if headers.get("content-length") == "0":
@@ -254,6 +262,7 @@ def check_answer(stem):
         for name, header in response.get("headers", {}).items():
             check_header(where, name, header, headers.get(name.lower()))
         check_body(where, response.get("content"), headers, body, method == "HEAD")
+        check_code(where, response["description"], headers, body)
 
 
 components = closed(openapi["components"])

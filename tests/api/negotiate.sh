@@ -59,6 +59,8 @@ GET /v1/jobs/$id application/json
 POST /v1/jobs application/json
 GET /v1/jobs/$id/events text/event-stream
 END
+request DELETE "/v1/meshes/$(printf '0%.0s' {1..64})" -H 'Accept: image/png'
+problem 'nor does a refusal to remove come as a picture' 406 not-acceptable
 request POST /v1/jobs -H 'Content-Type: text/plain' --data-binary "@$work/job"
 problem 'a job of another type' 415 unsupported-media-type
 is 'says which it may be' "$(header accept)" application/json
