@@ -4,6 +4,7 @@
 # build/bench.md, and the same as a page in build/bench.html.
 #   SCENES='square-5000-* shirt'   only those of: square-{5000,20000,60000,200000}-{10,1000,10000} (triangles, N/m)
 #                                  wrinkles-{20000,100000} shirt skirt8 dress; workers: two jobs beside each other;
+#                                  blender: its cloth on a square of 19 200 (installs Debian's blender)
 #   METHODS='auto dynamic'         (auto stop-and-go:stop_on=potential dynamic newton:line_search=true)
 #   TIME_LIMIT=60                  seconds of a run               (300)
 #   ITERATIONS=100                 iterations of a run            (1000)
@@ -92,19 +93,49 @@ run_workers() {
     start_daemon
 }
 
+# The same square by Blender's cloth, in seconds of processor time until the potential energy in gravity stays within
+# 0.01 % of its last. Draped's are its seconds times what the daemon used of a processor meanwhile.
+run_blender() {
+    is_wanted blender || return 0
+    command -v blender >/dev/null && python3 -c 'import numpy' 2>"$work/said" ||
+        apt-get install -y --no-install-recommends blender python3-numpy >"$work/said" 2>&1 ||
+        { say "blender could not be installed: $(tail -n 1 "$work/said")" && return; }
+    local id before used
+    build/drape example square --triangles 19200 | jq -c '.solver = {tolerance: 1e-6, time_step: 0.02}' >"$work/job"
+    say 'the square by auto'
+    before=$(cpu_seconds)
+    id=$(build/drape run "$work/job" -q --json | jq -r .id)
+    used=$(jq -n "$(cpu_seconds) - $before")
+    curl -sSf "$url/v1/jobs/$id/trace?format=json" | jq -c --argjson used "$used" '.columns as $columns
+        | [.rows[] | [$columns, .] | transpose | map({key: .[0], value: .[1]}) | from_entries]
+        | (.[-1].seconds) as $all | {program: "auto", rows: map([.seconds * $used / $all, .gravity])}' >>"$work/blender"
+    say "the square by Blender's cloth"
+    blender --background --factory-startup --threads 1 --python tests/bench/blender.py -- "$work/job" 500 >"$work/frames"
+    jq -cRn '[inputs | select(startswith("row ")) | split(" ") | map(tonumber? // .)]
+        | {program: "Blender", speed: .[-1][4], rows: map([.[2], .[3]])}' "$work/frames" >>"$work/blender"
+}
+
+# Of the daemon's process since its start; a second old at most.
+cpu_seconds() {
+    sleep 1.5
+    curl -sSf "$(tail -n 1 "$work/url")/metrics" | awk '/^process_cpu_seconds_total/ {print $2}'
+}
+
 # ---- all of it -------------------------------------------------------------------------------------
 
 : >"$work/rows"
 : >"$work/workers"
+: >"$work/blender"
 for size in 5000 20000 60000 200000; do
     for stretch in 10 1000 10000; do run_square "$size" "$stretch"; done
 done
 for size in 20000 100000; do run_wrinkles "$size"; done
 for garment in shirt skirt8 dress; do run_garment "$garment"; done
 run_workers
+run_blender
 for form in md html; do
     jq -rn -f tests/bench/bench.jq --arg form "$form" --slurpfile rows "$work/rows" --slurpfile floor "$work/floor" \
-        --slurpfile workers "$work/workers" --argjson limit "$limit" --argjson most "$most" \
+        --slurpfile workers "$work/workers" --slurpfile blender "$work/blender" --argjson limit "$limit" --argjson most "$most" \
         --arg processors "$(nproc)" >"build/bench.$form"
 done
 cat build/bench.md
