@@ -1,7 +1,10 @@
-/* test_database.c - every step of every transaction made to fail in turn; a full disk; a damaged file.
+/* test_database.c - every step of every transaction and every allocation made to fail in turn; a full disk; a
+ * damaged file.
  *
  * Steps fail by SQLite's progress handler, which stops the nth instruction of a statement; the disk is full
  * by a VFS between SQLite and the files, which lets no file grow as long as the reserve is there. */
+#include "../solver/scarce.h"
+
 #include "shelf.h"
 
 #include <signal.h>
@@ -24,7 +27,7 @@ static int catch_connection(sqlite3 *db, char **message, const struct sqlite3_ap
 
 /* ---- steps that fail ---------------------------------------------------------------------------- */
 
-static long countdown; /* instructions until the one that is stopped */
+static long steps_left; /* instructions until the one that is stopped */
 static bool committing, refuse_commit;
 
 /* The last look comes when the commit is done, which no fault could take back: it does not count. */
@@ -33,7 +36,7 @@ static int stop_once(void *data)
     (void)data;
     bool late = committing;
     committing = false;
-    return !late && countdown-- == 0;
+    return !late && steps_left-- == 0;
 }
 
 /* Nonzero makes the commit fail. */
@@ -281,14 +284,14 @@ static void sweep(const char *dir, const struct swept *op)
     long n = 0, failed = 0;
     set_stage(&stage, dir);
     do {
-        countdown = n++;
+        steps_left = n++;
         int result = expect_refusal(&stage, op, n);
         failed += result != 0;
-        if (result == 0 && countdown < 0) { /* it could do without */
+        if (result == 0 && steps_left < 0) { /* it could do without */
             clear_stage(&stage, dir);
             set_stage(&stage, dir);
         }
-    } while (countdown < 0);
+    } while (steps_left < 0);
     print_message("%-14s %ld steps stopped, %ld refusals\n", op->name, n - 1, failed);
     assert_true(failed > 3);
     clear_stage(&stage, dir);
@@ -309,13 +312,73 @@ static void test_database__so_does_a_commit_that_fails(void **state)
             continue;
         set_stage(&stage, *state);
         refuse_commit = true;
-        countdown = -1; /* no step of its own fails */
+        steps_left = -1; /* no step of its own fails */
         assert_int_equal(expect_refusal(&stage, &swept[i], 0), -1);
         refuse_commit = false;
         assert_int_equal(swept[i].run(&stage, &problem), 0);
         clear_stage(&stage, *state);
     }
 }
+
+#ifdef CAN_FAIL_ALLOCATIONS
+/* Fails allocation n of the operation, for each n until none is asked for any more. */
+static void sweep_allocations(const char *dir, const struct swept *op)
+{
+    struct stage stage;
+    long failed = 0;
+    bool over = false;
+    set_stage(&stage, dir);
+    for (long n = 0; !over; n++) {
+        struct problem problem = {.code = PROBLEM_NONE};
+        int64_t before = sum_of_rows();
+        countdown = n;
+        int result = op->run(&stage, &problem);
+        over = countdown >= 0;
+        countdown = -1;
+        if (result != 0 &&
+            (result != -1 || over || (problem.code != PROBLEM_STORAGE && problem.code != PROBLEM_INTERNAL)))
+            fail_msg("%s, allocation %ld: %d, %s", op->name, n, result, problem_name(problem.code));
+        if (!sqlite3_get_autocommit(connection))
+            fail_msg("%s, allocation %ld: a transaction is left open", op->name, n);
+        if (result != 0 && !op->in_parts && sum_of_rows() != before)
+            fail_msg("%s, allocation %ld: rows have changed", op->name, n);
+        failed += result != 0;
+        if (result == 0) {
+            clear_stage(&stage, dir);
+            set_stage(&stage, dir);
+        }
+    }
+    print_message("%-14s %ld refusals\n", op->name, failed);
+    assert_true(failed > 0);
+    clear_stage(&stage, dir);
+}
+
+static void test_database__each_allocation_that_fails_changes_nothing(void **state)
+{
+    for (size_t i = 0; i < sizeof swept / sizeof *swept; i++)
+        sweep_allocations(*state, &swept[i]);
+}
+
+static void test_database__a_store_opens_or_does_not_when_memory_is_short(void **state)
+{
+    struct store *store = NULL;
+    struct problem problem;
+    long refusals = 0;
+    bool over = false;
+    store_close(open_store(*state));
+    for (long n = 0; !over; n += 41) { /* of some three thousand */
+        countdown = n;
+        int result = store_open(*state, NULL, &store, &problem);
+        over = countdown >= 0;
+        countdown = -1;
+        assert_true(result == 0 || (result == -1 && !over && problem.code == PROBLEM_STORAGE));
+        refusals -= result;
+        store = result == 0 ? store_close(store) : NULL;
+    }
+    print_message("%ld refusals\n", refusals);
+    assert_true(refusals > 10);
+}
+#endif
 
 /* ---- a full disk -------------------------------------------------------------------------------- */
 
@@ -650,6 +713,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_database__each_step_that_fails_changes_nothing_and_may_be_tried_again),
         TEST(test_database__so_does_a_commit_that_fails),
+#ifdef CAN_FAIL_ALLOCATIONS
+        TEST(test_database__each_allocation_that_fails_changes_nothing),
+        TEST(test_database__a_store_opens_or_does_not_when_memory_is_short),
+#endif
         TEST(test_database__on_a_full_disk_jobs_may_still_be_cancelled_ended_and_removed),
         TEST(test_database__a_disk_fuller_than_the_reserve_is_a_refusal),
         TEST(test_database__a_store_opens_on_a_full_disk_and_recovers),

@@ -1,10 +1,22 @@
 /* test_executor.c - tasks run in order, none is lost, and the queue has an end. */
 #include "test.h"
 
+#define SCARCE_PER _Thread_local
+#include "../solver/scarce.h"
+
 #include <pthread.h>
 #include <stdatomic.h>
 
 #include "executor.h"
+
+static bool no_threads;
+
+int pthread_create(pthread_t *thread, const pthread_attr_t *attr, void *(*run)(void *), void *arg)
+{
+    __typeof__(&pthread_create) next =
+        (__typeof__(&pthread_create))(uintptr_t)dlsym(RTLD_NEXT, "pthread_create");
+    return no_threads ? EAGAIN : next(thread, attr, run, arg);
+}
 
 static atomic_int ran, last;
 static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
@@ -55,11 +67,38 @@ static void test_executor__what_does_not_fit_is_refused(void **state)
     assert_int_equal(ran, 1);
 }
 
+static void test_executor__without_a_thread_there_is_none(void **state)
+{
+    (void)state;
+    no_threads = true;
+    assert_null(executor_new("test", 3));
+    no_threads = false;
+    assert_null(executor_free(NULL));
+}
+
+#ifdef CAN_FAIL_ALLOCATIONS
+static void test_executor__without_memory_there_is_none(void **state)
+{
+    (void)state;
+    for (long n = 0; n < 2; n++) {
+        long before = held;
+        countdown = n;
+        assert_null(executor_new("test", 3));
+        assert_int_equal(countdown, -1);
+        assert_int_equal(held, before);
+    }
+}
+#endif
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_executor__tasks_run_in_order_and_freeing_waits_for_them),
         cmocka_unit_test(test_executor__what_does_not_fit_is_refused),
+        cmocka_unit_test(test_executor__without_a_thread_there_is_none),
+#ifdef CAN_FAIL_ALLOCATIONS
+        cmocka_unit_test(test_executor__without_memory_there_is_none),
+#endif
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
