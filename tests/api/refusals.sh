@@ -119,6 +119,13 @@ done
 request GET '/v1/jobs?cursor=rubbish'; problem 'a cursor that is none' 400 bad-cursor
 request GET '/v1/jobs?limit=0'; is 'a limit of none' "$code" 400
 request GET '/v1/jobs?limit=201'; is 'a limit past 200' "$code" 400
+request GET '/v1/jobs?limit=200'; is 'a limit of 200 is taken' "$code" 200
+request GET '/v1/jobs?limit=00000001'; is 'a limit of eight digits' "$code" 400
+request GET '/v1/jobs?limit=2x'; is 'a limit that is no number' "$code" 400
+request GET '/v1/jobs?label=colonless'; problem 'a label without its value' 400 bad-request
+request GET '/v1/jobs?cursor=cxyz'; problem 'a cursor of other digits' 400 bad-cursor
+request GET '/v1/jobs?cursor=c0'; problem 'a cursor before all' 400 bad-cursor
+request GET '/v1/jobs?created_after=yesterday'; problem 'a day without a date' 400 bad-request
 request GET '/v1/jobs?status=sleeping'; is 'a status that is none' "$code" 400
 request GET "/v1/jobs/$(printf '%%00')abc"; is 'a NUL in the path' "$code" 404
 like 'is said to be none of the ids' "$(jq -r .code "$body")" '^(not-found|bad-request)$'
