@@ -524,6 +524,99 @@ static void test_store__a_finish_may_be_tried_again_after_a_refusal(void **state
     store_close(store);
 }
 
+/* Runs a command with the folder as $0. */
+static void shell(const char *dir, const char *command)
+{
+    char whole[1024];
+    snprintf(whole, sizeof whole, "sh -c '%s' '%s'", command, dir);
+    assert_int_equal(system(whole), 0);
+}
+
+static void test_store__a_folder_whose_rooms_are_taken_is_refused(void **state)
+{
+    const char *const taken[] = {"jobs", "results", "meshes"};
+    struct store *store = NULL;
+    struct problem problem;
+    char command[64], path[256];
+    for (size_t i = 0; i < sizeof taken / sizeof *taken; i++) {
+        snprintf(command, sizeof command, "touch $0/%s", taken[i]);
+        shell(*state, command);
+        assert_int_equal(store_open(*state, NULL, &store, &problem), -1);
+        assert_int_equal(problem.code, PROBLEM_STORAGE);
+        shell(*state, "rm -r $0/*");
+    }
+    shell(*state, "mkdir $0/draped.lock");
+    assert_int_equal(store_open(*state, NULL, &store, &problem), -1);
+    assert_non_null(strstr(problem.detail, "lock"));
+    shell(*state, "rmdir $0/draped.lock; touch $0/file");
+    snprintf(path, sizeof path, "%s/file", (const char *)*state);
+    assert_int_equal(store_open(path, NULL, &store, &problem), -1);
+    assert_null(store);
+    store_close(open_store(*state));
+}
+
+static int none_asked(const struct job *job, void *data)
+{
+    (void)job, (void)data;
+    fail();
+    return 0;
+}
+
+static void test_store__a_row_that_makes_no_sense_is_a_refusal(void **state)
+{
+    struct store *store = open_store(*state);
+    struct store_filter filter = {
+        .owner = "", .status = -1, .created_after_ms = -1, .before = INT64_MAX, .limit = 9};
+    struct problem problem = {.code = PROBLEM_NONE};
+    struct job job, back;
+    char path[256];
+    sqlite3 *db;
+    int64_t last;
+    bool more;
+    add_job(store, &job);
+    store_close(store);
+    snprintf(path, sizeof path, "%s/draped.db", (const char *)*state);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, "UPDATE job SET status='sleeping'", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+    store = open_store(*state);
+    assert_int_equal(store_job_get(store, "", job.id, &back, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    problem.code = PROBLEM_NONE;
+    assert_int_equal(store_job_list(store, &filter, none_asked, NULL, &last, &more, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    store_close(store);
+}
+
+static void test_store__what_is_not_there_or_in_the_way_is_a_refusal(void **state)
+{
+    struct store *store = open_store(*state);
+    struct problem problem = {.code = PROBLEM_NONE};
+    struct job job;
+    char *text, command[256];
+    size_t bytes;
+    int dirfd;
+    add_job(store, &job);
+    shell(*state, "rm $0/jobs/*");
+    assert_int_equal(store_job_document(store, job.id, &text, &bytes, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    problem.code = PROBLEM_NONE;
+    assert_int_equal(store_job_start(store, &job, &problem), 0);
+    snprintf(command, sizeof command, "mkdir -p $0/results/%s.1.tmp/deep", job.id);
+    shell(*state, command);
+    assert_int_equal(store_results_begin(store, job.id, 1, &dirfd, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    problem.code = PROBLEM_NONE;
+    snprintf(command, sizeof command, "rm -r $0/results/%s.1.tmp", job.id);
+    shell(*state, command);
+    job.status = JOB_SUCCEEDED; /* without results there is nothing to publish */
+    assert_int_equal(store_job_finish(store, &job, &problem), -1);
+    assert_int_equal(problem.code, PROBLEM_STORAGE);
+    job.status = JOB_FAILED;
+    assert_int_equal(store_job_finish(store, &job, &problem), 0);
+    store_close(store);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_new, scratch_free)
@@ -546,6 +639,9 @@ int main(void)
         TEST(test_store__lists_come_in_pages_newest_first_and_filtered),
         TEST(test_store__a_disk_that_refuses_means_not_accepted_and_nothing_left),
         TEST(test_store__a_finish_may_be_tried_again_after_a_refusal),
+        TEST(test_store__a_folder_whose_rooms_are_taken_is_refused),
+        TEST(test_store__a_row_that_makes_no_sense_is_a_refusal),
+        TEST(test_store__what_is_not_there_or_in_the_way_is_a_refusal),
     };
     id_init();
     log_open(LOG_LEVEL_ERROR);
