@@ -580,7 +580,7 @@ static void test_queue_faults__earlier_jobs_are_taken_up_or_the_start_fails(void
     assert_true(refusals > 10);
 }
 
-/* Looks at, follows and cancels the job, which the queue and the store know alike afterwards. */
+/* With allocation n failing; *ret_failed: whether it was asked for. */
 static int try_body(const char *id, long n, bool *ret_failed)
 {
     char *body = NULL;
