@@ -1,46 +1,69 @@
 #!/bin/bash
 # Line and branch coverage of each file of some folders by gcov, and their sum, after tests have run.
 # usage: tests/cover.sh FOLDER...       $MAKE is the make command to build with
-# For server/ the API scripts that need no garments drive the instrumented daemon as well.
+# For server/ API scripts drive the instrumented daemon as well, and the branches that nothing took are listed
+# for what should have none: the queue, the states of jobs, idempotency.
+# Logs stay in build/cover/logs/. Fails when a test does. Some ten minutes for server/.
 cd "$(dirname "$0")/.." || exit 1
 MAKE=${MAKE:-make -j$(nproc)}
+whole='queue job line idempotency'
 api=(routes refusals limits events keys idempotency retention uploads negotiate cors encoding config log metrics page
     wait_cancel framing service smoke lines fit redrape)
 logs=build/cover/logs
+flush=$PWD/build/release/tests/preload/flush.so flushed=$PWD/build/cover/flushed
+export CMOCKA_MESSAGE_OUTPUT=TAP DRAPED_TEST_GARMENTS=no
 $MAKE FLAVOUR=cover all tests >/dev/null || exit 1
 find build/cover -name '*.gcda' -delete
-mkdir -p "$logs"
-failed=0
-run() { # run NAME COMMAND...
-    local name=$1
-    shift
-    "$@" >"$logs/$name.log" 2>&1 || { echo "FAIL $name (see $logs/$name.log)"; failed=1; }
-    grep -q '^not ok' "$logs/$name.log" && { echo "FAIL $name (see $logs/$name.log)"; failed=1; }
-}
+rm -rf "$logs"
+
+run() { tests/run_one.sh "$1" "$logs/$1.log" "${@:2}"; } # NAME COMMAND...
 for folder in "$@"; do
     [[ $folder == solver ]] && more='tests/physics/test_*.c' || more=
     for source in tests/"$folder"/test_*.c $more; do
         name=${source#tests/}
-        run "$(basename "${name%.c}")" "build/cover/tests/${name%.c}"
+        run "${name%.c}" "build/cover/tests/${name%.c}"
     done
     [[ $folder == server ]] || continue
-    $MAKE tests >/dev/null # the tools that the scripts measure with
+    # What the scripts measure with and put below the daemon.
+    tools=$(printf 'build/release/%s\n' tests/api/*.c tests/preload/*.c | sed '/preload/s/\.c$/.so/; s/\.c$//')
+    $MAKE $tools >/dev/null || exit 1
     for name in "${api[@]}"; do
-        DRAPED=build/cover/draped DRAPE=build/drape run "api-$name" tests/api/"$name".sh
+        FLUSHED=$flushed LD_PRELOAD=$flush DRAPED=build/cover/draped DRAPE=build/cover/drape \
+            run "api/$name" tests/api/"$name".sh
     done
 done
-pattern=$(IFS='|'; echo "$*")
-(cd build/cover && gcov -n -b $(find . -path '*/obj/s*' -name '*.gcda' -o -path '*/obj/client/*' -name '*.gcda') 2>/dev/null) |
-    awk -v pattern="^($pattern)/" '
-        /^File/ {split($0, part, "\047"); file = part[2]; keep = file ~ pattern && file ~ /\.c$/; next}
-        !keep {next}
-        /^Lines executed/ {split($0, n, /[:% ]+/); line[file] = n[3]; lines[file] = n[5]}
-        /^Taken at least once/ {split($0, n, /[:% ]+/); branch[file] = n[5]; branches[file] = n[7]}
-        END {
-            for (f in lines) {
-                printf "%-28s %6.1f %% of %5d lines  %6.1f %% of %5d branches\n", f, line[f], lines[f], branch[f], branches[f]
-                a += line[f] * lines[f] / 100; b += lines[f]; c += branch[f] * branches[f] / 100; d += branches[f]
-            }
-            printf "%-28s %6.1f %% of %5d lines  %6.1f %% of %5d branches\n", "~ all", 100 * a / b, b, 100 * c / d, d
-        }' | sort
-exit "$failed"
+
+# counts FOLDER...: what gcov has of each file, as JSON; of those, too, that no test has run.
+counts() {
+    (cd build/cover && find "${@/#/obj/}" -name '*.gcno' -print0 |
+        xargs -0 gcov --branch-probabilities --json-format --stdout 2>/dev/null)
+}
+echo
+counts "$@" | jq -r '.files[] | select(.file | test("^[a-z]+/[^/]*\\.c$")) | .file as $file
+    | [.lines[].branches[].count] as $branch
+    | [$file, (.lines | length), ([.lines[] | select(.count > 0)] | length),
+       ($branch | length), ($branch | map(select(. > 0)) | length)]
+    | @tsv' | sort | awk -F '\t' '
+    function show(name, lines, run, branches, taken) {
+        printf "%-24s %6.1f %% of %5d lines %7.1f %% of %5d branches\n", name, lines ? 100 * run / lines : 100, lines,
+            branches ? 100 * taken / branches : 100, branches
+    }
+    {show($1, $2, $3, $4, $5); lines += $2; run += $3; branches += $4; taken += $5}
+    END {show("all", lines, run, branches, taken)}'
+
+if [[ " $* " == *' server '* ]]; then
+    echo
+    echo "branches never taken in $whole:"
+    counts $(printf 'server/%s.gcno ' $whole) | jq -r '.files[] | select(.file | test("^server/.*\\.c$")) | .file as $file
+        | .lines[] | ([.branches[] | select(.count == 0)] | length) as $missed | select($missed > 0)
+        | [$file, .line_number, "\($missed) of \(.branches | length)"] | @tsv' |
+        while IFS=$'\t' read -r file line missed; do
+            printf '%s:%s: %s: %s\n' "$file" "$line" "$missed" "$(sed -n "${line}s/^ *//p" "$file")"
+        done
+fi
+results=$(find "$logs" -name '*.result' -exec cat {} +)
+failed=$(grep -c '^fail' <<<"$results")
+echo
+((failed)) && { echo "failed:"; grep '^fail' <<<"$results" | sed 's/^fail/  /'; }
+echo "$(grep -c '^pass' <<<"$results") passed, $failed failed, in $SECONDS s"
+((failed == 0))

@@ -75,13 +75,21 @@ stop_daemon() {
     status=$?
     pid=''
 }
+# Under tests/cover.sh: what a daemon that is about to be killed has counted.
+flush_counts() {
+    [[ -n ${FLUSHED-} ]] || return 0
+    rm -f "$FLUSHED"
+    kill -USR1 "$pid"
+    for ((i = 0; i < 500; i++)); do [[ -e $FLUSHED ]] && return 0; sleep 0.01; done
+}
 kill_daemon() {
+    flush_counts
     kill -KILL "$pid"
     wait "$pid" 2>/dev/null
     pid=''
 }
 leave() {
-    [[ -n $pid ]] && kill -KILL "$pid" 2>/dev/null && wait "$pid" 2>/dev/null
+    [[ -n $pid ]] && flush_counts && kill -KILL "$pid" 2>/dev/null && wait "$pid" 2>/dev/null
     # What the daemon said helps to understand a failure, and a sanitizer's report is one.
     if [[ -s $log ]] && grep -qE 'Sanitizer|runtime error' "$log"; then
         echo "not ok $((tests + 1)) - a sanitizer reported"
