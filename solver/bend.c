@@ -194,10 +194,10 @@ static void share_slope(const struct plate *plate, struct hinge *hinge)
             hinge->border ? D[s] * *h[!s] / (D[0] * *h[1] + D[1] * *h[0]) : *h[!s] / (*h[0] + *h[1]);
 }
 
-/* Side 0 is the triangle of lower index, so that both triangles get the same slope to the last bit. */
-static struct hinge find_hinge(const struct plate *plate, size_t t, unsigned k)
+/* All of it but rigidities and parts. Side 0 is the triangle of lower index, so that both triangles get the
+ * same slope to the last bit. */
+static struct hinge find_sides(const struct dr_mesh *mesh, size_t t, unsigned k)
 {
-    const struct dr_mesh *mesh = plate->mesh;
     size_t n = mesh->neighbor[3 * t + k];
     unsigned across = mesh->across[3 * t + k];
     struct hinge hinge = {.triangle = {t, n}, .corner = {k, across}};
@@ -207,6 +207,12 @@ static struct hinge find_hinge(const struct plate *plate, size_t t, unsigned k)
     for (int s = 0; s < 2; s++)
         hinge.side[s] = measure_side(mesh, hinge.triangle[s], hinge.corner[s], b);
     hinge.length = (hinge.side[0].length + hinge.side[1].length) / 2;
+    return hinge;
+}
+
+static struct hinge find_hinge(const struct plate *plate, size_t t, unsigned k)
+{
+    struct hinge hinge = find_sides(plate->mesh, t, k);
     share_slope(plate, &hinge);
     return hinge;
 }
@@ -841,6 +847,105 @@ cleanup:
     columns_done(&columns);
     dr_bend_stiffness_free(q);
     return status;
+}
+
+/* Area times rigidity of t across its edge opposite corner k; 0: t carries no energy. */
+static double rigidity_across(const struct dr_bend *bend, const struct dr_mesh *mesh, size_t t, unsigned k)
+{
+    double m[3], moment[3];
+    if (bend->start[t] == bend->start[t + 1])
+        return 0;
+    edge_moment(mesh, t, k, m);
+    times_rigidity(bend->d + 6 * t, m, moment);
+    return dot(3, m, moment);
+}
+
+/* Appends the hinge of t's edge opposite corner k as an element of its own, with the one "curvature" J. */
+static bool append_hinge(const struct dr_bend *bend, const struct dr_mesh *mesh, size_t t, unsigned k,
+                         struct dr_bend *hinges, size_t *capacity)
+{
+    struct hinge hinge = find_sides(mesh, t, k);
+    double jump[4], rigidity = 0, area = 0;
+    struct curvature K = {0};
+    unsigned i = hinge.corner[0];
+    const uint32_t *node = mesh->triangle + 3 * hinge.triangle[0];
+    const uint32_t of[4] = {node[(i + 1) % 3], node[(i + 2) % 3], node[i],
+                            mesh->triangle[3 * hinge.triangle[1] + hinge.corner[1]]};
+    for (int s = 0; s < 2; s++) {
+        double across = rigidity_across(bend, mesh, hinge.triangle[s], hinge.corner[s]);
+        rigidity += across;
+        area += across > 0 ? mesh->area[hinge.triangle[s]] : 0;
+    }
+    if (!(rigidity > 0))
+        return true;
+    hinge_jump(&hinge, jump);
+    for (int j = 0; j < 4; j++)
+        add_to_curvature(&K, of[j], jump[j], (const double[3]){1, 0, 0});
+    hinges->d[6 * hinges->triangles] =
+        2 * DR_HINGE_WEIGHT * rigidity / area * hinge.length / (hinge.side[0].height + hinge.side[1].height);
+    return append(hinges, hinges->triangles++, &K, capacity);
+}
+
+/* Whether the element has a slope of the edge of t opposite corner k, t the lower of its triangles. */
+static bool has_hinge(const struct dr_bend *bend, const struct dr_mesh *mesh, size_t t, unsigned k)
+{
+    const struct plate plate = {mesh, NULL};
+    uint32_t n = mesh->neighbor[3 * t + k];
+    if (n == DR_NONE || n < t)
+        return false;
+    bool bends[2] = {bend->start[t] < bend->start[t + 1], bend->start[n] < bend->start[n + 1]};
+    return (bends[0] && bends[1]) || (bends[0] && is_held(&plate, n)) || (bends[1] && is_held(&plate, t));
+}
+
+drape_status dr_bend_hinges_new(const struct dr_bend *bend, const struct dr_mesh *mesh,
+                                struct dr_bend_stiffness **ret, drape_error *reterr)
+{
+    size_t most = 3 * mesh->triangles / 2 + 1, capacity = 0;
+    struct dr_bend hinges = {.start = calloc(most + 1, sizeof *hinges.start),
+                             .d = calloc(6 * most, sizeof *hinges.d)};
+    bool made = hinges.start && hinges.d && reserve(&hinges, 1, &capacity);
+    for (size_t t = 0; made && t < mesh->triangles; t++)
+        for (unsigned k = 0; made && k < 3; k++)
+            if (has_hinge(bend, mesh, t, k))
+                made = append_hinge(bend, mesh, t, k, &hinges, &capacity);
+    drape_status status =
+        made ? dr_bend_stiffness_new(&hinges, mesh->nodes, ret, reterr) : dr_out_of_memory(reterr);
+    free(hinges.start);
+    free(hinges.node);
+    free(hinges.c);
+    free(hinges.d);
+    return status;
+}
+
+void dr_bend_stiffness_subtract(struct dr_bend_stiffness *q, const struct dr_bend_stiffness *hinges)
+{
+    for (size_t j = 0; j < q->nodes; j++) {
+        size_t at = q->start[j], end = q->start[j + 1];
+        for (size_t i = hinges->start[j]; i < hinges->start[j + 1]; i++) {
+            while (at < end && q->row[at] < hinges->row[i])
+                at++;
+            if (at < end && q->row[at] == hinges->row[i])
+                q->value[at] -= hinges->value[i];
+        }
+    }
+}
+
+void dr_bend_stiffness_multiply(const struct dr_bend_stiffness *q, const double *from, double *to)
+{
+    for (size_t j = 0; j < q->nodes; j++) {
+        const double *x = from + 3 * j, diagonal = q->value[q->start[j]];
+        double sum[3] = {diagonal * x[0], diagonal * x[1], diagonal * x[2]};
+        for (size_t i = q->start[j] + 1; i < q->start[j + 1]; i++) {
+            size_t row = 3 * (size_t)q->row[i];
+            double value = q->value[i];
+            for (size_t d = 0; d < 3; d++) {
+                sum[d] += value * from[row + d];
+                to[row + d] += value * x[d];
+            }
+        }
+        for (size_t d = 0; d < 3; d++)
+            to[3 * j + d] += sum[d];
+    }
 }
 
 struct dr_bend_stiffness *dr_bend_stiffness_free(struct dr_bend_stiffness *q)

@@ -40,6 +40,22 @@ struct dr_bend_stiffness {
 };
 drape_status dr_bend_stiffness_new(const struct dr_bend *bend, size_t nodes, struct dr_bend_stiffness **ret,
                                    drape_error *reterr);
+
+/* Hinges in the element's place, to precondition with: an edge between two triangles takes their four nodes
+ * alone, and there are a third to two thirds of the entries of Q, all in places of Q but for some of held
+ * nodes. With the rigidity k across the edge of length l and the jump J of slope there an edge has the energy
+ * DR_HINGE_WEIGHT k l/H J^2, H the sum of both heights: 1 would do for the mean over all quadratics, and a
+ * little more is safer. `mesh` is that of `bend`. */
+#define DR_HINGE_WEIGHT 1.5
+drape_status dr_bend_hinges_new(const struct dr_bend *bend, const struct dr_mesh *mesh,
+                                struct dr_bend_stiffness **ret, drape_error *reterr);
+
+/* q -= hinges, whose entries all have places in q but for those of held nodes. */
+void dr_bend_stiffness_subtract(struct dr_bend_stiffness *q, const struct dr_bend_stiffness *hinges);
+
+/* to += (Q (x) I3) from; 3*nodes each. */
+void dr_bend_stiffness_multiply(const struct dr_bend_stiffness *q, const double *from, double *to);
+
 struct dr_bend_stiffness *dr_bend_stiffness_free(struct dr_bend_stiffness *q);
 size_t dr_bend_stiffness_bytes(const struct dr_bend_stiffness *q);
 

@@ -377,13 +377,14 @@ static drape_status polish(struct polish *p, drape_error *reterr)
     return status;
 }
 
-/* A cloth with a Cholesky matrix for methods that have none of their own; the one it replaces is kept. */
+/* A cloth with the Cholesky matrix of the whole Hessian: the method's own, or for methods that have none
+ * another; the one it replaces is kept. */
 static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, drape_error *reterr)
 {
     struct dr_cloth_plan plan = s->sim->plan.welded;
     *ret_own = s->cloth;
-    if (s->method->matrix == DR_MATRIX_CHOLESKY)
-        return DRAPE_OK;
+    if (s->method->matrix == DR_MATRIX_CHOLESKY || s->method->matrix == DR_MATRIX_HINGES)
+        return dr_cloth_bend_whole(s->cloth, true, reterr);
     plan.matrix = DR_MATRIX_CHOLESKY;
     plan.friction = plan.self = false;
     drape_status status = dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
@@ -442,6 +443,8 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
         p.escaped = false;
     }
     take_back(s, own);
+    if (status >= 0 && p.escaped && s->method->matrix == DR_MATRIX_HINGES)
+        status = dr_cloth_bend_whole(s->cloth, false, reterr);
     account(sim, began, stage, factors, solves);
     s->row.factorizations = row.factorizations;
     if (status >= 0 && !p.escaped && s->row.residual_force > sim->options.tolerance) {

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "error.h"
+#include "lines.h"
 
 #define MOST_SWEEPS 1000 /* of bracing */
 
@@ -100,13 +101,64 @@ static drape_status join_links(const struct dr_cloth_plan *plan, uint32_t **ret,
     return DRAPE_OK;
 }
 
+/* Of the mesh that the folds cut, as its bending is. */
+static drape_status new_hinges(const struct dr_cloth *cloth, struct dr_bend_stiffness **ret,
+                               drape_error *reterr)
+{
+    if (!cloth->fold)
+        return dr_bend_hinges_new(cloth->bend, cloth->mesh, ret, reterr);
+    struct dr_mesh cut = dr_lines_cut(cloth->mesh, cloth->scene->hinge, cloth->scene->hinges);
+    drape_status status =
+        cut.neighbor ? dr_bend_hinges_new(cloth->bend, &cut, ret, reterr) : dr_out_of_memory(reterr);
+    free(cut.neighbor);
+    return status;
+}
+
+static void free_stiffness(struct dr_cloth *cloth)
+{
+    if (cloth->stiffness)
+        cloth->stiffness = dr_bend_stiffness_free(cloth->stiffness);
+    if (cloth->remainder)
+        cloth->remainder = dr_bend_stiffness_free(cloth->remainder);
+}
+
+static drape_status new_stiffness(struct dr_cloth *cloth, bool whole, drape_error *reterr)
+{
+    struct dr_bend_stiffness *all = NULL;
+    drape_status status = dr_bend_stiffness_new(cloth->bend, cloth->mesh->nodes, &all, reterr);
+    if (status < 0 || whole) {
+        cloth->stiffness = all;
+        return status;
+    }
+    cloth->remainder = all;
+    status = new_hinges(cloth, &cloth->stiffness, reterr);
+    if (status >= 0)
+        dr_bend_stiffness_subtract(cloth->remainder, cloth->stiffness);
+    return status;
+}
+
+drape_status dr_cloth_bend_whole(struct dr_cloth *cloth, bool whole, drape_error *reterr)
+{
+    if (!cloth->stiffness || whole == !cloth->remainder)
+        return DRAPE_OK;
+    free_stiffness(cloth);
+    drape_status status = new_stiffness(cloth, whole, reterr);
+    return status < 0 ? status : dr_matrix_rebend(cloth->A, cloth->stiffness, reterr);
+}
+
+void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, double *q)
+{
+    if (cloth->remainder)
+        dr_bend_stiffness_multiply(cloth->remainder, p, q);
+}
+
 static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth *cloth, drape_error *reterr)
 {
     uint32_t *link;
     size_t links;
     drape_status status = join_links(plan, &link, &links, reterr);
     if (status >= 0 && plan->bend)
-        status = dr_bend_stiffness_new(plan->bend, plan->mesh->nodes, &cloth->stiffness, reterr);
+        status = new_stiffness(cloth, plan->matrix != DR_MATRIX_HINGES, reterr);
     if (status >= 0)
         status = dr_matrix_new(plan->mesh, cloth->stiffness, link ? link : plan->link, links,
                                plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, plan->analyses,
@@ -121,6 +173,7 @@ drape_status dr_cloth_new(const struct dr_cloth_plan *plan, const double *start,
     struct dr_cloth *cloth = calloc(1, sizeof *cloth);
     if (!cloth)
         return dr_out_of_memory(reterr);
+    cloth->scene = plan->scene;
     cloth->mesh = plan->mesh;
     cloth->bend = plan->bend;
     drape_status status = new_terms(plan, start, cloth, reterr);
@@ -139,8 +192,7 @@ struct dr_cloth *dr_cloth_free(struct dr_cloth *cloth)
 {
     if (cloth) {
         dr_matrix_free(cloth->A);
-        if (cloth->stiffness)
-            dr_bend_stiffness_free(cloth->stiffness);
+        free_stiffness(cloth);
         if (cloth->self)
             dr_self_free(cloth->self);
         dr_friction_free(cloth->friction);
@@ -179,6 +231,8 @@ void dr_cloth_bytes(const struct dr_cloth *cloth, size_t bytes[DR_TERMS])
         bytes[DR_TERM_JACOBIAN] += dr_matrix_bytes(cloth->A);
     if (cloth->stiffness)
         bytes[DR_TERM_JACOBIAN] += dr_bend_stiffness_bytes(cloth->stiffness);
+    if (cloth->remainder)
+        bytes[DR_TERM_JACOBIAN] += dr_bend_stiffness_bytes(cloth->remainder);
     if (cloth->stress)
         bytes[DR_TERM_GEOMETRIC_STIFFNESS] += 3 * cloth->mesh->triangles * sizeof *cloth->stress;
 }

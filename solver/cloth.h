@@ -15,6 +15,7 @@
 #include "tack.h"
 
 struct dr_cloth {
+    const drape_scene *scene;
     const struct dr_mesh *mesh;
     const struct dr_bend *bend; /* NULL: left out */
     struct dr_stretch *stretch;
@@ -25,6 +26,7 @@ struct dr_cloth {
     struct dr_friction *friction;        /* NULL: left out */
     struct dr_self *self;                /* NULL: left out */
     struct dr_bend_stiffness *stiffness; /* that the matrix is made with; NULL: none */
+    struct dr_bend_stiffness *remainder; /* what that lacks of the bending stiffness; NULL: nothing */
     struct dr_matrix *A;                 /* NULL: an explicit integrator needs none */
     double gravity[3];                   /* zero: left out */
     double *start;                       /* 3*nodes: where gravity's energy is zero; NULL: left out */
@@ -54,6 +56,13 @@ void dr_cloth_stress(struct dr_cloth *cloth, const double *x, const double *w);
  * contacts of cloth with itself change the pattern, which is then analysed anew. */
 drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
                                drape_error *reterr);
+
+/* Makes the matrix anew with the whole bending stiffness or, for DR_MATRIX_HINGES, with hinges in its place
+ * (see dr_bend_hinges_new), whose factor takes a third of the operations. Until then it is as planned. */
+drape_status dr_cloth_bend_whole(struct dr_cloth *cloth, bool whole, drape_error *reterr);
+
+/* q += what the matrix lacks of bending, times p; 3*nodes each. */
+void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, double *q);
 
 /* The same, positive semi-definite and without cloth against itself. The pattern stays, and with it the
  * factor of what was assembled before. */

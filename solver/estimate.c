@@ -14,6 +14,7 @@
  * sewn closes into tubes, which take wider cuts: 105 to 162. */
 #define OPEN_FACTOR 79.0
 #define SEWN_FACTOR 115.0
+#define HINGES      0.65 /* times that: `auto` has hinges for bending, until it is to be certified */
 #define LDL_FACTOR  1.23 /* times that: a simplicial factor stores its indices entry by entry */
 
 #define BYTES_PER_VERTEX     380.0 /* state, trial states, weights, velocities or conjugate gradients */
@@ -54,6 +55,8 @@ static double matrix_bytes(const drape_scene_desc *desc, const drape_options *op
         return 0;
     if (options->method == DRAPE_METHOD_NEWTON)
         factor *= LDL_FACTOR;
+    if (options->method == DRAPE_METHOD_AUTO && !options->certify)
+        factor *= HINGES;
     return factor * n * square(log2(n + 1));
 }
 

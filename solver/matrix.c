@@ -400,6 +400,12 @@ drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t 
     return status;
 }
 
+drape_status dr_matrix_rebend(struct dr_matrix *A, const struct dr_bend_stiffness *bend, drape_error *reterr)
+{
+    A->bend = bend;
+    return dr_matrix_relink(A, NULL, 0, reterr);
+}
+
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A)
 {
     if (A) {

@@ -30,6 +30,10 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
  * zero but for the base; there is no factor until the next factorisation. After a failure nothing may be done
  * with it but to free it. */
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr);
+
+/* The same with another bending stiffness, without places for links but those given at creation. */
+drape_status dr_matrix_rebend(struct dr_matrix *A, const struct dr_bend_stiffness *bend, drape_error *reterr);
+
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
 size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* of the factor, until the first factorisation */

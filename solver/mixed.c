@@ -11,7 +11,9 @@
  *     quadratic, wherever the last step was smooth. It is factorised where it is positive definite. Elsewhere
  *     its positive semi-definite part H+ is, and conjugate gradients with that factor go from H+ to H: a few
  *     back-solves, no further factor. Negative curvature among them is the way off a saddle, and is followed
- *     as far as the step may turn the cloth (Steihaug, SIAM J. Numer. Anal. 20, 1983).
+ *     as far as the step may turn the cloth (Steihaug, SIAM J. Numer. Anal. 20, 1983). What is factorised
+ *     has hinges in the place of bending (bend.h), at a third of the operations; conjugate gradients put
+ *     that right, too, and where they meet negative curvature H was not positive definite.
  *  3. A step is judged by the decrease of energy without the known second-order stretch Q of the step, so
  *     that the energy may peak on the way and the following steps remove it.
  *
@@ -50,8 +52,10 @@
 #define BAD_FIT       (-2.0)
 #define MOST_REJECTED 4    /* steps in a row; then one is taken as it is */
 #define WAIT          2    /* iterations, this one included, without Cholesky on H after it failed */
-#define MOST_CG       10   /* conjugate gradient steps */
-#define CG_PRECISION  0.1  /* of the preconditioned residual, relative */
+#define MOST_CG       20   /* conjugate gradient steps */
+#define CG_PRECISION  0.03 /* of the preconditioned residual, relative */
+#define MOST_PRECISE  100  /* likewise where nothing but bending is left out of the factor */
+#define PRECISE       1e-4
 #define FLAT          1e-3 /* curvature along a direction, relative to that of H+, that counts as negative */
 #define FIRST_LIMIT   0.05 /* strain at which a corrected step is cut: the threads turn by 0.3 rad */
 #define WORTH         100 /* false stretch over predicted decrease: the next step leaves about 1/100 of it; */
@@ -112,23 +116,22 @@ static bool smooth(const struct dr_state *s)
     return !s->cautious && s->strain < SMOOTH && s->ratio > GOOD_FIT;
 }
 
-static drape_status try_factor(struct dr_state *s, drape_error *reterr)
+/* *ret_whole: the factor is that of the true Hessian. */
+static drape_status factorise_true(struct dr_state *s, bool *ret_whole, drape_error *reterr)
 {
-    bool definite;
-    drape_status status;
     dr_matrix_set_base(s->cloth->A, 1 / (s->h * s->h));
-    s->whole = s->pivot_failed = false;
-    if (smooth(s) && !s->wait && !s->negative) {
-        status = dr_state_factorise(s, 1, &s->whole, reterr);
-        if (status < 0 || s->whole || s->gave_up)
-            return status;
-        s->pivot_failed = true;
-        s->wait = WAIT;
-    }
-    if (s->wait)
-        s->wait--;
+    *ret_whole = false;
+    if (!smooth(s) || s->wait || s->negative)
+        return DRAPE_OK;
+    return dr_state_factorise(s, 1, ret_whole, reterr);
+}
+
+/* The same of its positive semi-definite part. */
+static drape_status factorise_part(struct dr_state *s, drape_error *reterr)
+{
     for (int attempt = 0; attempt < MOST_ATTEMPTS; attempt++) {
-        status = dr_state_factorise(s, 0, &definite, reterr);
+        bool definite;
+        drape_status status = dr_state_factorise(s, 0, &definite, reterr);
         if (status < 0 || definite || s->gave_up)
             return status;
         s->h /= 30; /* round-off made it indefinite: more mass, a shorter step */
@@ -136,6 +139,12 @@ static drape_status try_factor(struct dr_state *s, drape_error *reterr)
     }
     s->gave_up = "the step matrix could not be factorised";
     return DRAPE_OK;
+}
+
+/* Whether the model has what the factor's matrix has not. */
+static bool lacks(const struct dr_state *s)
+{
+    return s->corrected || s->cloth->remainder;
 }
 
 /* How far a move turns or stretches any thread: its largest gradient, a norm. */
@@ -146,13 +155,17 @@ static double turn(const struct dr_state *s, const double *move)
     return sqrt(2 * strain);
 }
 
-/* Curvature of the model with the true Hessian along DIRECTION; leaves DROPPED. */
+/* Curvature of the model along DIRECTION, where the factor's matrix has `kept`; leaves DROPPED. */
 static double curvature(struct dr_state *s, double kept)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *dropped = s->extra[DROPPED];
     memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
-    dr_cloth_left_out(s->cloth, s->x, s->extra[DIRECTION], dropped);
+    if (!lacks(s))
+        return kept;
+    if (s->corrected)
+        dr_cloth_left_out(s->cloth, s->x, s->extra[DIRECTION], dropped);
+    dr_cloth_add_remainder(s->cloth, s->extra[DIRECTION], dropped);
     return kept + dr_state_dot(s, s->extra[DIRECTION], dropped);
 }
 
@@ -196,23 +209,26 @@ static double worthwhile(struct dr_state *s, double most, double least, double s
     return least;
 }
 
-/* From w = A+^-1 f, with A+ = M/h^2 + H+ factorised, towards A^-1 f with the true Hessian in A: conjugate
- * gradients on A, preconditioned by A+. As A+ z = r is known, A+ p follows by recurrence, and only A - A+ is
- * ever multiplied. They end where precise enough, where the step would turn a thread past the limit, or on
- * negative curvature, which is followed up to the limit. The first step is never cut below A+^-1 f. */
+/* From w = P^-1 f, with P factorised, towards A^-1 f of the model: conjugate gradients on A, preconditioned
+ * by P, which is A but for bending (see dr_cloth_add_remainder) and, where the step is to be corrected, made
+ * with H+ in the place of the true Hessian. As P z = r is known, P p follows by recurrence, and only A - P is
+ * ever multiplied. They end where precise enough or on negative curvature; those of a corrected step also
+ * where it would turn a thread past the limit, up to which negative curvature is followed then. The first
+ * step of these is never cut below P^-1 f. */
 static drape_status correct(struct dr_state *s, drape_error *reterr)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
     double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *kept = s->extra[KEPT];
     double *z = s->x_next; /* free until the move */
+    double precision = s->corrected ? CG_PRECISION : PRECISE;
+    int steps = s->corrected ? MOST_CG : MOST_PRECISE;
     memcpy(r, s->f, count * sizeof *r);
     memcpy(kept, s->f, count * sizeof *kept);
     memcpy(p, s->w, count * sizeof *p);
     memset(s->w, 0, count * sizeof *s->w);
-    s->corrected = true;
     s->cut = s->negative = false;
     double rz = dr_state_dot(s, r, p), first = rz;
-    for (int k = 0; k < MOST_CG && rz > CG_PRECISION * CG_PRECISION * first; k++) {
+    for (int k = 0; k < steps && rz > precision * precision * first; k++) {
         if (k) {
             drape_status status = dr_state_solve(s, 1, (const double *[]){r}, (double *[]){z}, reterr);
             if (status < 0)
@@ -220,13 +236,16 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
             s->solves++;
             double last = rz;
             rz = dr_state_dot(s, r, z);
-            if (!(rz > CG_PRECISION * CG_PRECISION * first))
+            if (!(rz > precision * precision * first))
                 break;
             next_direction(s, r, z, rz / last);
         }
-        double along = dr_state_dot(s, p, kept), curved = curvature(s, along);
-        double most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
+        double along = dr_state_dot(s, p, kept), curved = curvature(s, along), most = INFINITY;
+        if (s->corrected)
+            most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
         s->negative = curved <= FLAT * along;
+        if (s->negative && !s->corrected)
+            break;
         s->cut = s->negative || rz > most * curved;
         if (s->cut)
             most = worthwhile(s, most, k ? most / 1024 : 1, rz, curved);
@@ -235,6 +254,45 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
             break;
     }
     return DRAPE_OK;
+}
+
+/* w and RESIDUAL of the model with the factor at hand. */
+static drape_status solve_model(struct dr_state *s, drape_error *reterr)
+{
+    drape_status status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
+    s->solves++;
+    s->row.residual_energy = 0.5 * dr_state_dot(s, s->f, s->w);
+    s->cut = false;
+    if (status >= 0 && lacks(s))
+        return correct(s, reterr);
+    memset(s->extra[RESIDUAL], 0, 3 * s->cloth->mesh->nodes * sizeof(double));
+    return status;
+}
+
+/* The step without regard to gaps: a factor, and what it makes of the force. */
+static drape_status find_step(struct dr_state *s, drape_error *reterr)
+{
+    s->solves = 0;
+    s->corrected = s->pivot_failed = false;
+    bool tried = smooth(s) && !s->wait && !s->negative;
+    drape_status status = factorise_true(s, &s->whole, reterr);
+    if (status >= 0 && s->whole) {
+        status = solve_model(s, reterr);
+        s->whole = !s->negative;
+    }
+    if (status < 0 || s->whole || s->gave_up)
+        return status;
+    if (tried) {
+        s->pivot_failed = true;
+        s->wait = WAIT;
+    }
+    if (s->wait)
+        s->wait--;
+    status = factorise_part(s, reterr);
+    if (status < 0 || s->gave_up)
+        return status;
+    s->corrected = smooth(s);
+    return solve_model(s, reterr);
 }
 
 /* ---- contact ------------------------------------------------------------------------------------- */
@@ -256,13 +314,9 @@ static bool go_touching(struct dr_state *s, double rz)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *p = s->extra[DIRECTION], *kept = s->extra[KEPT], *dropped = s->extra[DROPPED],
-           *gapped = s->extra[GAPPED], along = dr_state_dot(s, p, kept), curved = along;
+           *gapped = s->extra[GAPPED], along = dr_state_dot(s, p, kept), curved = curvature(s, along);
     memset(gapped, 0, 3 * mesh->nodes * sizeof *gapped);
     dr_gaps_add_product(s->gaps, p, gapped);
-    if (s->corrected)
-        curved = curvature(s, along);
-    else
-        memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
     curved += dr_state_dot(s, p, gapped);
     if (!(curved > FLAT * along))
         return false;
@@ -304,9 +358,6 @@ static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *r
 /* Newton's method on the model with its gaps, from the step w of the one without. */
 static drape_status touch(struct dr_state *s, drape_error *reterr)
 {
-    size_t count = 3 * s->cloth->mesh->nodes;
-    if (!s->corrected)
-        memset(s->extra[RESIDUAL], 0, count * sizeof(double));
     drape_status status = dr_gaps_take(s->gaps, s->x, false, reterr);
     if (status < 0)
         return status;
@@ -342,7 +393,7 @@ static double predict(const struct dr_state *s)
     long double inertia = 0;
     for (size_t i = 0; i < 3 * mesh->nodes; i++)
         inertia += mesh->mass[i / 3] * s->w[i] * s->w[i]; /* w is zero on held nodes */
-    double left = s->corrected || s->gaps ? dr_state_dot(s, s->extra[RESIDUAL], s->w) : 0;
+    double left = dr_state_dot(s, s->extra[RESIDUAL], s->w);
     return 0.5 * (dr_state_dot(s, s->f, s->w) + left + (double)inertia / (s->h * s->h)) - s->surplus;
 }
 
@@ -367,6 +418,7 @@ static void hold_single(struct dr_state *s)
     if (s->corrected)
         dr_cloth_left_out(s->cloth, s->x, s->w, dropped);
     dr_matrix_multiply(s->cloth->A, s->w, r);
+    dr_cloth_add_remainder(s->cloth, s->w, r);
     for (size_t i = 0; i < 3 * mesh->nodes; i++)
         r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i] - dropped[i];
     look_at_gaps(s);
@@ -423,6 +475,7 @@ static void find_residual(struct dr_state *s)
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *r = s->extra[RESIDUAL];
     dr_matrix_multiply(s->cloth->A, s->w, r);
+    dr_cloth_add_remainder(s->cloth, s->w, r);
     for (size_t i = 0; i < 3 * mesh->nodes; i++)
         r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i];
     look_at_gaps(s);
@@ -433,6 +486,7 @@ static double multiply(struct dr_state *s)
 {
     double *kept = s->extra[KEPT], *p = s->extra[DIRECTION];
     dr_matrix_multiply(s->cloth->A, p, kept);
+    dr_cloth_add_remainder(s->cloth, p, kept);
     dr_gaps_add_product(s->gaps, p, kept);
     return dr_state_dot(s, p, kept);
 }
@@ -560,10 +614,9 @@ static drape_status chords(struct dr_state *s, drape_error *reterr)
         }
         if (dr_cloth_largest_force(s->cloth, s->f) <= s->sim->options.tolerance * s->weight)
             return DRAPE_OK;
-        drape_status status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
-        if (status < 0)
+        drape_status status = solve_model(s, reterr);
+        if (status < 0 || s->negative)
             return status;
-        s->solves++;
         clip(s);
         double strain, foreseen = 0.5 * dr_state_dot(s, s->f, s->w);
         dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
@@ -590,16 +643,10 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
 {
     if (!s->row.iteration)
         begin(s);
-    drape_status status = try_factor(s, reterr);
+    drape_status status = find_step(s, reterr);
     if (status < 0 || s->gave_up)
         return status;
-    status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
-    s->solves = 1;
-    s->row.residual_energy = 0.5 * dr_state_dot(s, s->f, s->w);
     s->row.time_step = s->h;
-    s->corrected = s->cut = false;
-    if (status >= 0 && !s->whole && smooth(s))
-        status = correct(s, reterr);
     if (status >= 0 && s->gaps)
         status = touch(s, reterr);
     if (status < 0)
@@ -733,8 +780,8 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
 }
 
 const struct dr_method dr_mixed = {
-    .matrix = DR_MATRIX_CHOLESKY, .extra = ARRAYS, .conjugate = true, .assess = assess, .advance = advance};
-const struct dr_method dr_mixed_touching = {.matrix = DR_MATRIX_CHOLESKY,
+    .matrix = DR_MATRIX_HINGES, .extra = ARRAYS, .conjugate = true, .assess = assess, .advance = advance};
+const struct dr_method dr_mixed_touching = {.matrix = DR_MATRIX_HINGES,
                                             .extra = ARRAYS_WITH_BODIES,
                                             .gaps = true,
                                             .conjugate = true,

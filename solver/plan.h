@@ -37,7 +37,12 @@ enum dr_term {
     DR_TERMS
 };
 
-enum dr_cloth_matrix { DR_MATRIX_NONE, DR_MATRIX_CHOLESKY, DR_MATRIX_LDL };
+enum dr_cloth_matrix {
+    DR_MATRIX_NONE,
+    DR_MATRIX_CHOLESKY,
+    DR_MATRIX_HINGES, /* likewise, with hinges in the place of bending: see dr_cloth_bend_whole */
+    DR_MATRIX_LDL
+};
 
 /* Those that hold memory of their own: sewing, moving, draping. */
 #define DR_PHASES (DRAPE_PHASE_DRAPING + 1)

@@ -39,7 +39,9 @@ drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *meth
     for (size_t i = 0; i < DR_MAX_EXTRA; i++)
         if (s->extra[i])
             memset(s->extra[i], 0, 3 * s->sim->plan.welded.mesh->nodes * sizeof *s->extra[i]);
-    return allocate(s) ? DRAPE_OK : dr_out_of_memory(reterr);
+    if (!allocate(s))
+        return dr_out_of_memory(reterr);
+    return method->matrix == DR_MATRIX_CHOLESKY ? dr_cloth_bend_whole(s->cloth, true, reterr) : DRAPE_OK;
 }
 
 drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret_definite,

@@ -77,7 +77,7 @@ struct dr_state { /* arrays are 3*nodes */
 extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, dr_quasi_static, dr_rk4,
     dr_newton, dr_mixed, dr_mixed_touching;
 
-/* Goes on with another method, which needs the same matrix; makes the arrays that it lacks. */
+/* Goes on with another method, whose matrix has the same factor; makes the arrays that it lacks. */
 drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *method, drape_error *reterr);
 
 /* Assembles with `indefinite` (see dr_cloth_assemble), factorises, and accounts for the time. *ret_definite

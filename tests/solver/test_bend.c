@@ -654,6 +654,127 @@ static void test_bend__same_input_gives_the_same_bytes(void **state)
     grid_done(&grid);
 }
 
+/* ---- hinges ---- */
+
+/* x.Qx and x.Hx of all three coordinates, H the hinges. */
+static void quadratic_forms(const struct sheet *sheet, const double *x, double *ret_q, double *ret_h)
+{
+    struct dr_bend_stiffness *q = stiffness_of(sheet), *h = NULL;
+    double *y = numbers(3 * q->nodes), *z = numbers(3 * q->nodes);
+    assert_int_equal(dr_bend_hinges_new(sheet->bend, sheet->mesh, &h, NULL), DRAPE_OK);
+    dr_bend_stiffness_multiply(q, x, y);
+    dr_bend_stiffness_multiply(h, x, z);
+    *ret_q = dot(3 * q->nodes, x, y);
+    *ret_h = dot(3 * q->nodes, x, z);
+    free(y);
+    free(z);
+    dr_bend_stiffness_free(q);
+    dr_bend_stiffness_free(h);
+}
+
+/* Two triangles, one side raised: l = 2, heights 1 and 3, slopes 0 and z. */
+static void test_bend__a_hinge_has_the_energy_of_its_jump(void **state)
+{
+    (void)state;
+    const double pattern[] = {-1, 0, 1, 0, 0.3, -1, -0.2, 3}, k = 0.25, z = 0.1;
+    const uint32_t triangle[] = {0, 2, 1, 0, 1, 3};
+    const double rigidity[] = {k, k, k / 2}, x[12] = {[10] = 3 * z}; /* node 3 */
+    struct sheet sheet = sheet_new(4, 2, triangle, NULL, pattern, NULL, NULL, rigidity);
+    double bent, hinged, exact;
+    quadratic_forms(&sheet, x, &bent, &hinged);
+    exact = DR_HINGE_WEIGHT * k * 2 / 4 * z * z;
+    /* both edges beside the hinge are free: its own moment is what is left of the rigidity */
+    double across = 0;
+    for (size_t t = 0; t < 2; t++)
+        across += rigidity_across(sheet.bend, sheet.mesh, t, t == 0 ? 1 : 2);
+    assert_close(hinged / 2, exact * across / (k * 4), 1e-12);
+    assert_true(across > 0 && across <= k * 4 && bent > 0);
+    sheet_done(&sheet);
+}
+
+static void test_bend__hinges_are_as_stiff_as_the_element_within_a_factor_of_five(void **state)
+{
+    (void)state;
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++) {
+        struct grid grid = grid_new(kind, 10, 10, 1, 1, 0);
+        struct sheet sheet = sheet_of(&grid, PLATE);
+        double q, h, least = INFINITY, most = 0;
+        for (int which = 0; which < 3; which++) {
+            double *z = quadratic_heights(which, grid.uv, grid.vertices),
+                   *x = raise(grid.uv, z, grid.vertices);
+            quadratic_forms(&sheet, x, &q, &h);
+            least = fmin(least, h / q);
+            most = fmax(most, h / q);
+            free(x);
+            free(z);
+        }
+        print_message("  %-16s %.2f to %.2f\n", grid_name[kind], least, most);
+        if (kind != GRID_GRADED)
+            assert_true(least > 0.8 && most < 5);
+        double *flat = raise(grid.uv, NULL, grid.vertices), *any = random_positions(grid.vertices, 3), f, g;
+        quadratic_forms(&sheet, flat, &q, &f);
+        quadratic_forms(&sheet, any, &q, &g);
+        assert_true(g > 0 && fabs(f) < 1e-12 * g);
+        free(flat);
+        free(any);
+        sheet_done(&sheet);
+        grid_done(&grid);
+    }
+}
+
+static void test_bend__hinges_and_what_they_lack_are_the_stiffness(void **state)
+{
+    (void)state;
+    for (enum grid_kind kind = 0; kind < GRID_KINDS; kind++) {
+        struct grid grid = grid_new(kind, 9, 8, 1, 1, 0);
+        struct sheet sheet = sheet_of(&grid, ORTHOTROPIC);
+        struct dr_bend_stiffness *rest = stiffness_of(&sheet), *hinges = NULL;
+        assert_int_equal(dr_bend_hinges_new(sheet.bend, sheet.mesh, &hinges, NULL), DRAPE_OK);
+        size_t n = rest->nodes, entries = rest->start[n];
+        dr_bend_stiffness_subtract(rest, hinges);
+        double *Q = dense_of(&sheet), *x = random_positions(n, 5), *sum = numbers(3 * n),
+               *all = numbers(3 * n);
+        dr_bend_stiffness_multiply(rest, x, sum);
+        dr_bend_stiffness_multiply(hinges, x, sum);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < n; j++)
+                for (size_t d = 0; d < 3; d++)
+                    all[3 * i + d] += Q[i * n + j] * x[3 * j + d];
+        assert_true(difference(all, sum, 3 * n) < 1e-13);
+        assert_true(hinges->start[n] < 0.9 * (double)entries);
+        free(Q);
+        free(x);
+        free(sum);
+        free(all);
+        dr_bend_stiffness_free(rest);
+        dr_bend_stiffness_free(hinges);
+        sheet_done(&sheet);
+        grid_done(&grid);
+    }
+}
+
+static void test_bend__hinges_fail_for_want_of_memory_alone(void **state)
+{
+    (void)state;
+    struct grid grid = grid_new(GRID_DELAUNAY, 6, 6, 1, 1, 0);
+    struct sheet sheet = sheet_of(&grid, PLATE);
+    struct dr_bend_stiffness *hinges = NULL;
+    long failures = 0;
+    for (;; failures++) {
+        allocations_left = failures;
+        drape_status status = dr_bend_hinges_new(sheet.bend, sheet.mesh, &hinges, NULL);
+        allocations_left = -1;
+        if (status == DRAPE_OK)
+            break;
+        assert_int_equal(status, DRAPE_ENOMEM);
+        assert_null(hinges);
+    }
+    assert_true(failures > 8);
+    dr_bend_stiffness_free(hinges);
+    sheet_done(&sheet);
+    grid_done(&grid);
+}
+
 /* ---- seams, pieces, odd surfaces ---- */
 
 /* Cuts the grid along a zigzag near its middle (triangles by the u of their centroid), gives the right
@@ -1114,6 +1235,10 @@ int main(void)
         cmocka_unit_test(test_bend__curvature_is_exact_up_to_a_clamp_on_every_mesh),
         cmocka_unit_test(test_bend__cantilever_tip_converges_with_the_square_of_the_cell),
         cmocka_unit_test(test_bend__every_failed_allocation_is_reported),
+        cmocka_unit_test(test_bend__a_hinge_has_the_energy_of_its_jump),
+        cmocka_unit_test(test_bend__hinges_are_as_stiff_as_the_element_within_a_factor_of_five),
+        cmocka_unit_test(test_bend__hinges_and_what_they_lack_are_the_stiffness),
+        cmocka_unit_test(test_bend__hinges_fail_for_want_of_memory_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,186 @@
+/* test_mixed.c - the fast method's linear steps: conjugate gradients beside a direct solve of the same model.
+ */
+#include "physics/run.h"
+
+/* mixed.c is compiled in, for its static functions. */
+#include "mixed.c"
+
+struct example {
+    struct setup *setup;
+    drape_scene *scene;
+    drape_sim *sim;
+    struct dr_state s;
+    size_t count;
+};
+
+/* A square under its weight, clamped at one edge, flat but shaken, `stretched` times as long as at rest; k
+ * and B in N/m and N m. */
+static void make(struct example *e, double k, double B, double stretched, double shake)
+{
+    uint64_t seed = 4;
+    memset(e, 0, sizeof *e);
+    e->setup = setup_new(grid_new(GRID_DELAUNAY, 12, 12, 0.3, 0.3, 0), isotropic(0.1, k, B));
+    pin_columns(e->setup, 2);
+    drape_options options = drape_options_default();
+    assert_int_equal(drape_scene_new(&e->setup->desc, &e->scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(e->scene, &options, &e->sim, NULL), DRAPE_OK);
+    struct dr_state *s = &e->s;
+    const double *start = e->sim->positions; /* nodes are vertices here */
+    assert_int_equal(dr_cloth_new(&e->sim->plan.welded, start, &s->cloth, NULL), DRAPE_OK);
+    e->count = 3 * s->cloth->mesh->nodes;
+    s->sim = e->sim;
+    s->method = e->sim->plan.method;
+    double **array[] = {&s->x,        &s->f,        &s->w,        &s->x_next,  &s->f_next,
+                        &s->extra[0], &s->extra[1], &s->extra[2], &s->extra[3]};
+    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
+        assert_non_null(*array[i] = calloc(e->count, sizeof(double)));
+    for (size_t i = 0; i < e->count; i++) {
+        double noise = shake * test_random(&seed);
+        s->x[i] = (i % 3 == 0 ? stretched : 1) * start[i] + (s->cloth->mesh->held[i / 3] ? 0 : noise);
+    }
+    dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
+    dr_cloth_stress(s->cloth, s->x, NULL);
+    s->weight = dr_cloth_mean_weight(s->cloth);
+    s->sim->began = dr_clock();
+    s->h = 0.05;
+}
+
+static void release(struct example *e)
+{
+    struct dr_state *s = &e->s;
+    double *array[] = {s->x,        s->f,        s->w,        s->x_next,  s->f_next,
+                       s->extra[0], s->extra[1], s->extra[2], s->extra[3]};
+    for (size_t i = 0; i < sizeof array / sizeof *array; i++)
+        free(array[i]);
+    dr_cloth_free(s->cloth);
+    drape_sim_free(e->sim);
+    drape_scene_free(e->scene);
+    setup_free(e->setup);
+}
+
+/* w_direct of (M/h^2 + H(indefinite)) w = f with all of the bending in the factor; false: not definite. */
+static bool solve_directly(struct example *e, double indefinite, double *ret)
+{
+    struct dr_state *s = &e->s;
+    bool definite;
+    assert_int_equal(dr_cloth_bend_whole(s->cloth, true, NULL), DRAPE_OK);
+    assert_null(s->cloth->remainder);
+    dr_matrix_set_base(s->cloth->A, 1 / (s->h * s->h));
+    assert_int_equal(dr_state_factorise(s, indefinite, &definite, NULL), DRAPE_OK);
+    if (definite)
+        dr_matrix_solve(s->cloth->A, 1, (const double *[]){s->f}, (double *[]){ret});
+    return definite;
+}
+
+/* The same by the method, from hinges. */
+static void factorise_hinges(struct example *e, double indefinite, bool *ret_definite)
+{
+    struct dr_state *s = &e->s;
+    assert_int_equal(dr_cloth_bend_whole(s->cloth, false, NULL), DRAPE_OK);
+    assert_non_null(s->cloth->remainder);
+    dr_matrix_set_base(s->cloth->A, 1 / (s->h * s->h));
+    assert_int_equal(dr_state_factorise(s, indefinite, ret_definite, NULL), DRAPE_OK);
+}
+
+static void test_mixed__steps_from_hinges_are_those_of_a_factor_with_all_of_the_bending(void **state)
+{
+    (void)state;
+    const struct {
+        double k, B, stretched, shake, h, indefinite;
+    } cases[] = {
+        {10, 1e-5, 1, 2e-3, 0.02, 0},   {10, 1e-5, 1, 2e-3, 0.2, 0},      {1000, 1e-5, 1, 2e-3, 0.2, 0},
+        {1000, 1e-3, 1, 2e-3, 0.2, 0},  {100, 1e-4, 1.1, 1e-4, 0.2, 1},   {100, 1e-4, 1.1, 1e-4, 1e3, 1},
+        {1000, 1e-2, 1, 1e-4, 0.02, 1}, {1000, 1e-7, 1.05, 1e-5, 0.2, 1},
+    };
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        struct example e;
+        bool definite;
+        make(&e, cases[c].k, cases[c].B, cases[c].stretched, cases[c].shake);
+        struct dr_state *s = &e.s;
+        double *direct = calloc(e.count, sizeof *direct), *q = calloc(e.count, sizeof *q);
+        s->h = cases[c].h;
+        assert_true(solve_directly(&e, cases[c].indefinite, direct));
+        factorise_hinges(&e, cases[c].indefinite, &definite);
+        assert_true(definite);
+        assert_int_equal(solve_model(s, NULL), DRAPE_OK);
+        assert_false(s->negative);
+        /* its residual is what it says, and in the energy norm it is as precise as it should be */
+        double size = 0, error = 0, most = 0;
+        dr_matrix_multiply(s->cloth->A, s->w, q);
+        dr_cloth_add_remainder(s->cloth, s->w, q);
+        for (size_t i = 0; i < e.count; i++)
+            most = fmax(most, s->cloth->mesh->held[i / 3] ? 0 : fabs(s->f[i]));
+        for (size_t i = 0; i < e.count; i++) {
+            if (s->cloth->mesh->held[i / 3]) {
+                assert_true(s->w[i] == 0);
+                continue;
+            }
+            assert_near(s->f[i] - q[i], s->extra[RESIDUAL][i], 1e-9, most);
+            size += s->f[i] * direct[i];
+            error += (s->w[i] - direct[i]) * s->extra[RESIDUAL][i]; /* - e.Ae */
+        }
+        print_message("  case %zu: %u solves, error %.1e\n", c, s->solves, sqrt(fabs(error) / size));
+        assert_true(sqrt(fabs(error) / size) < 3 * PRECISE);
+        assert_true(s->solves > 1 && s->solves < 40);
+        free(direct);
+        free(q);
+        release(&e);
+    }
+}
+
+/* A plate pressed together until it buckles: hinges, half as stiff again, hold longer than the element, and
+ * conjugate gradients must find out. */
+static void test_mixed__what_hinges_alone_hold_up_is_told_to_buckle(void **state)
+{
+    (void)state;
+    unsigned told = 0, direct = 0;
+    for (double pressed = 1e-5; pressed < 2e-4; pressed *= 1.05) {
+        struct example e;
+        bool definite;
+        make(&e, 1000, 1e-3, 1 - pressed, 0);
+        double *w = calloc(e.count, sizeof *w);
+        e.s.h = 1e3;
+        bool whole = solve_directly(&e, 1, w);
+        factorise_hinges(&e, 1, &definite);
+        uint64_t seed = 3;
+        for (size_t i = 0; i < e.count; i++)
+            e.s.f[i] = e.s.cloth->mesh->held[i / 3] ? 0 : test_random(&seed);
+        direct += definite && !whole;
+        if (definite) {
+            assert_int_equal(solve_model(&e.s, NULL), DRAPE_OK);
+            assert_int_equal(e.s.negative, !whole);
+            told += e.s.negative;
+        }
+        free(w);
+        release(&e);
+    }
+    print_message("  %u of %u told\n", told, direct);
+    assert_true(direct > 1 && told == direct);
+}
+
+/* Without bending there is nothing that the factor lacks. */
+static void test_mixed__a_limp_cloth_takes_one_solve(void **state)
+{
+    (void)state;
+    struct example e;
+    bool definite;
+    make(&e, 10, 0, 1, 2e-3);
+    assert_null(e.s.cloth->remainder);
+    dr_matrix_set_base(e.s.cloth->A, 1 / (e.s.h * e.s.h));
+    assert_int_equal(dr_state_factorise(&e.s, 0, &definite, NULL), DRAPE_OK);
+    e.s.extra[RESIDUAL][5] = 1;
+    assert_int_equal(solve_model(&e.s, NULL), DRAPE_OK);
+    assert_int_equal(e.s.solves, 1);
+    assert_true(e.s.extra[RESIDUAL][5] == 0);
+    release(&e);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_mixed__steps_from_hinges_are_those_of_a_factor_with_all_of_the_bending),
+        cmocka_unit_test(test_mixed__what_hinges_alone_hold_up_is_told_to_buckle),
+        cmocka_unit_test(test_mixed__a_limp_cloth_takes_one_solve),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
