@@ -165,10 +165,10 @@ $(TBIN)/fuzz/%: $(OBJ)/tests/fuzz/%.o $(OBJ)/server.a $(OBJ)/libdrape.a
 # One program for tests/counts/counts.sh, linked to the whole library and, for each scene, to the objects that
 # the scene needs and stubs in the place of all others. The same shared libraries in all: they shape the heap.
 LEAN_core  := error clock scene mesh stretch cloth plan sim relax
-LEAN_steps := $(LEAN_core) bend matrix implicit
-LEAN_auto  := $(LEAN_core) bend matrix mixed
+LEAN_steps := $(LEAN_core) bend matrix order implicit
+LEAN_auto  := $(LEAN_core) bend matrix order mixed
 LEAN_rk4   := $(LEAN_core) bend explicit
-LEAN_limp  := $(LEAN_core) matrix implicit
+LEAN_limp  := $(LEAN_core) matrix order implicit
 COUNTS     := whole steps auto rk4 limp
 LEAN_whole := $(SOLVER_SRC:solver/%.c=%)
 $(OBJ)/tests/counts/stubs-%.o: tests/counts/stubs.sh $(SOLVER_OBJ)

@@ -1,7 +1,7 @@
 /* estimate.c - how many bytes a run will hold, told from sizes alone, before anything is built.
  *
  * Nearly all of it is the factor of the step matrix. George's nested dissection fills n log2 n entries on a
- * mesh of n nodes (SIAM J. Numer. Anal. 10, 1973); the minimum degree ordering that is used fills more, and
+ * mesh of n nodes (SIAM J. Numer. Anal. 10, 1973); the orders that are used fill more, and
  * measured from 500 to 60 000 nodes matrix and factor take c n log2(n)^2 bytes, with c as below. The rest is
  * a sum of arrays, measured per vertex and triangle, and of the bodies' fields, whose bytes follow from area
  * and volume. */

@@ -20,6 +20,7 @@
 
 #include "analysis.h"
 #include "error.h"
+#include "order.h"
 
 /* Where a block lives in the values. length 0: one of its nodes is held, there is no block. */
 struct slot {
@@ -111,10 +112,46 @@ static bool collect_pairs(const struct dr_mesh *mesh, const struct dr_bend_stiff
     return true;
 }
 
-/* Elimination order of the node graph: AMD with CHOLMOD's postordering, on n nodes instead of 3n rows.
- * METIS would save 7 % of the time and 20 % of the memory at 10 000 to 14 000 triangles, but it takes
- * over the process's SIGTERM and SIGABRT handlers, shares the C library's rand() between threads and
- * prints when memory runs out: not what a library may do inside a daemon. */
+#define DISSECTED 1000 /* nodes from which nested dissection is worth a try */
+
+/* The order of nested dissection, minimum degree within each rank, into perm; false: out of memory. */
+static bool dissect(cholmod_sparse *graph, int *perm, cholmod_common *common)
+{
+    bool done = false;
+    int *rank = malloc(graph->nrow * sizeof *rank);
+    cholmod_sparse *both = cholmod_copy(graph, 0, -1, common); /* without the diagonal */
+    if (rank && both && dr_order_dissect(graph->nrow, both->p, both->i, rank))
+        done = cholmod_camd(graph, NULL, 0, rank, perm, common);
+    cholmod_free_sparse(&both, common);
+    free(rank);
+    return done;
+}
+
+/* Analyses the node graph, in minimum degree order or, if that takes fewer operations, in dissection's; NULL:
+ * out of memory. */
+static cholmod_factor *analyse_nodes(cholmod_sparse *graph, cholmod_common *common)
+{
+    common->nmethods = 1;
+    common->method[0].ordering = CHOLMOD_AMD;
+    common->postorder = true;
+    common->supernodal = CHOLMOD_SIMPLICIAL; /* only the order is wanted */
+    cholmod_factor *best = cholmod_analyze(graph, common);
+    double least = common->fl;
+    if (!best || graph->nrow < DISSECTED)
+        return best;
+    int *perm = malloc(graph->nrow * sizeof *perm);
+    common->method[0].ordering = CHOLMOD_GIVEN;
+    cholmod_factor *other =
+        perm && dissect(graph, perm, common) ? cholmod_analyze_p(graph, perm, NULL, 0, common) : NULL;
+    if (!other || common->fl < least)
+        cholmod_free_factor(&best, common);
+    else
+        cholmod_free_factor(&other, common);
+    free(perm);
+    return best ? best : other;
+}
+
+/* Elimination order of the node graph with CHOLMOD's postordering, on n nodes instead of 3n rows. */
 static bool order_nodes(struct dr_matrix *A, const struct pairs *pairs, uint32_t *ret)
 {
     cholmod_common *common = &A->common;
@@ -131,17 +168,14 @@ static bool order_nodes(struct dr_matrix *A, const struct pairs *pairs, uint32_t
     }
     p[A->free] = (int)at;
 
-    common->nmethods = 1;
-    common->method[0].ordering = CHOLMOD_AMD;
-    common->postorder = true;
-    common->supernodal = CHOLMOD_SIMPLICIAL; /* only the order is wanted */
-    cholmod_factor *analysis = cholmod_analyze(graph, common);
-    const int *perm = analysis ? analysis->Perm : NULL; /* perm[k] = the row eliminated k-th */
-    for (size_t k = 0; perm && k < A->free; k++)
+    cholmod_factor *analysis = analyse_nodes(graph, common);
+    bool ordered = analysis;
+    const int *perm = ordered ? analysis->Perm : NULL; /* perm[k] = the row eliminated k-th */
+    for (size_t k = 0; ordered && k < A->free; k++)
         ret[k] = (uint32_t)perm[k];
     cholmod_free_factor(&analysis, common);
     cholmod_free_sparse(&graph, common);
-    return perm;
+    return ordered;
 }
 
 /* Numbers the free nodes anew: order[k] comes k-th. */

@@ -1,9 +1,10 @@
 /* matrix.h - the symmetric step matrix: 3x3 blocks on the free nodes, assembled into fixed slots.
  *
  * Only the lower triangle is stored, in the very layout CHOLMOD factors (compressed columns of the
- * 3n x 3n matrix, stype -1) and already in elimination order (AMD on the graph of free nodes, then
- * postordered), so that nothing is copied or permuted between assembly and factorisation. Rows and
- * columns of held nodes do not exist; adding to them does nothing. Belongs to one thread. */
+ * 3n x 3n matrix, stype -1) and already in elimination order (minimum degree or nested dissection on the
+ * graph of free nodes, then postordered), so that nothing is copied or permuted between assembly and
+ * factorisation. Rows and columns of held nodes do not exist; adding to them does nothing. Belongs to one
+ * thread. */
 #ifndef DR_MATRIX_H
 #define DR_MATRIX_H
 

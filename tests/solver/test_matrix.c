@@ -187,6 +187,55 @@ static void test_matrix__multiply_is_dense_arithmetic_on_the_free_nodes(void **s
     release(&s);
 }
 
+/* So many nodes that dissection orders them. */
+static void test_matrix__a_dissected_matrix_is_solved(void **state)
+{
+    (void)state;
+    enum { WIDE = 40, ALL = WIDE * WIDE };
+    static double pattern[2 * ALL], b[3 * ALL], w[3 * ALL], q[3 * ALL];
+    static uint32_t triangle[6 * (WIDE - 1) * (WIDE - 1)];
+    static bool held[ALL] = {[3] = true, [ALL / 2] = true};
+    const double density = 0.3;
+    struct dr_mesh *mesh;
+    struct dr_matrix *A;
+    size_t count = 0;
+    uint64_t seed = 2;
+    for (uint32_t i = 0; i < ALL; i++) {
+        pattern[2 * i] = 0.1 * (i % WIDE);
+        pattern[2 * i + 1] = 0.1 * (i / WIDE);
+        for (size_t d = 0; d < 3; d++)
+            b[3 * i + d] = test_random(&seed);
+    }
+    for (uint32_t j = 0; j + 1 < WIDE; j++)
+        for (uint32_t i = 0; i + 1 < WIDE; i++) {
+            uint32_t a = j * WIDE + i, cell[] = {a, a + 1, a + WIDE, a + 1, a + WIDE + 1, a + WIDE};
+            memcpy(triangle + count, cell, sizeof cell);
+            count += 6;
+        }
+    assert_int_equal(
+        dr_mesh_new(ALL, count / 3, triangle, triangle, pattern, NULL, &density, held, &mesh, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
+    dr_matrix_set_base(A, 100);
+    dr_matrix_reset(A);
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        double r[9], H[9][9];
+        for (int i = 0; i < 9; i++)
+            r[i] = test_random(&seed);
+        for (int i = 0; i < 9; i++)
+            for (int j = 0; j < 9; j++)
+                H[i][j] = r[i] * r[j] + (i == j);
+        dr_matrix_add_triangle(A, t, H);
+    }
+    bool memory;
+    assert_true(dr_matrix_factorise(A, &memory));
+    dr_matrix_solve(A, 1, (const double *[]){b}, (double *[]){w});
+    dr_matrix_multiply(A, w, q);
+    for (size_t i = 0; i < 3 * ALL; i++)
+        assert_near(q[i], held[i / 3] ? 0 : b[i], 1e-12, 1);
+    dr_matrix_free(A);
+    dr_mesh_free(mesh);
+}
+
 static void test_matrix__one_and_two_right_hand_sides_give_the_same_bytes(void **state)
 {
     (void)state;
@@ -284,6 +333,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_matrix__solve_leaves_no_residual_in_dense_arithmetic),
         cmocka_unit_test(test_matrix__multiply_is_dense_arithmetic_on_the_free_nodes),
+        cmocka_unit_test(test_matrix__a_dissected_matrix_is_solved),
         cmocka_unit_test(test_matrix__one_and_two_right_hand_sides_give_the_same_bytes),
         cmocka_unit_test(test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory),
         cmocka_unit_test(test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven),
