@@ -169,8 +169,8 @@ void dr_plan_compile(struct drape_sim *sim)
             .tacks = scene->tacks > 0,
             .link = scene->seam,
             .links = scene->seams,
-            .matrix = DR_MATRIX_CHOLESKY,
             .analyses = sim->options.analyses,
+            .matrix = DR_MATRIX_HINGES, /* steps that are cut to millimetres need no more */
         };
     if (scene->path && sim->options.max_iterations) {
         plan->moved = plan->welded;

@@ -1,8 +1,8 @@
 /* sew.c - the first phase: pulls loose pieces together along their seams, round the bodies.
  *
  * Zero-length springs between sewn vertices grow while the pieces, stiff in bending, move without
- * velocity, gravity or friction: (M/dt^2 + H) w = f. The measured record: welding at once leaves
- * sleeves passed through the bodice; soft pieces invert along the seam.
+ * velocity, gravity or friction: (M/dt^2 + H) w = f, H with hinges for bending. The measured record: welding
+ * at once leaves sleeves passed through the bodice; soft pieces invert along the seam.
  *
  * The pieces of the first garment may pass through one another on their way, but garments (parts of the
  * welded mesh) are sewn one after the other, in the order of their first vertices, and none through those
