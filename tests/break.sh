@@ -33,7 +33,7 @@ row faults '^# [0-9]+ faults' DRAPED_TEST_FAULTS="$(pick 12 all)" -- tests/api/f
 row adversity '^# [0-9]+ rounds' DRAPED_TEST_ROUNDS="$(pick 1 25)" -- tests/api/adversity.sh
 row framing '^# [0-9]+ refused' -- tests/api/framing.sh
 row slow '^# [0-9]+ of each kind' DRAPED_TEST_SLOW="$(pick 200 1000)" DRAPED_TEST_TIMES="$(pick '' 1)" -- tests/api/slow.sh
-row streams '^# [0-9]+ streams' STREAMS="$(pick 100 500)" JOBS="$(pick 60 1500)" -- tests/api/streams.sh
+row streams '^# [0-9]+ streams' STREAMS="$(pick 100 500)" JOBS="$(pick 60 1500)" SECONDS_AT_MOST="$(pick 200 3600)" -- tests/api/streams.sh
 row idempotency '^# [0-9]+ keys' DRAPED_TEST_RACES="$(pick 10 200)" DRAPED_TEST_RACE_KILLS="$(pick 3 20)" -- tests/api/idempotency.sh
 row restarts '^# [0-9]+ restarts' DRAPED_TEST_RESTARTS="$(pick 5 100)" -- tests/api/service.sh
 for fuzzer in tests/fuzz/fuzz_*.c; do

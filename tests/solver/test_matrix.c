@@ -214,7 +214,7 @@ static void test_matrix__a_dissected_matrix_is_solved(void **state)
         }
     assert_int_equal(
         dr_mesh_new(ALL, count / 3, triangle, triangle, pattern, NULL, &density, held, &mesh, NULL), 0);
-    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, &A, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
     dr_matrix_set_base(A, 100);
     dr_matrix_reset(A);
     for (size_t t = 0; t < mesh->triangles; t++) {
