@@ -82,10 +82,10 @@
 /* Of the second-order correction */
 #define FALSE_PART  0.02 /* of false stretch in what was gained, up to which there is nothing to correct */
 #define MOST_PASSES 2
-#define MOST_STALE  30   /* conjugate gradient steps of a pass */
-#define STALE_GAIN  0.01 /* of a step, relative to those before it, below which it is the last */
-#define ROUND_GAIN  0.1  /* likewise of a round of looking at the gaps */
-#define MOST_TRIES  3    /* whole, halved, halved again */
+#define MOST_STALE  60    /* conjugate gradient steps of a pass */
+#define STALE_GAIN  0.003 /* of a step, relative to those before it, below which it is the last */
+#define ROUND_GAIN  0.1   /* likewise of a round of looking at the gaps */
+#define MOST_TRIES  3     /* whole, halved, halved again */
 
 #define MOST_CHORDS 5 /* steps with the factor of the true Hessian at hand, after the one it was made for */
 
