@@ -88,6 +88,16 @@ static void put_ramp(FILE *file, const json_t *ramp)
     }
 }
 
+static void put_coarse(FILE *file, const json_t *coarse)
+{
+    if (json_integer_value(json_object_get(coarse, "triangles")) > 0) {
+        put_label(file, "coarse first");
+        put_count(file, "", coarse, "triangles", "triangles");
+        put_count(file, ", ", coarse, "iterations", "iterations");
+        fputs(json_is_true(json_object_get(coarse, "carried")) ? "\n" : ", begun anew\n", file);
+    }
+}
+
 static void put_seconds(FILE *file, const json_t *report)
 {
     const json_t *seconds = json_object_get(report, "seconds");
@@ -240,6 +250,7 @@ static void put_report(FILE *file, const json_t *report)
     put_sewing(file, json_object_get(report, "sewing"));
     put_motion(file, json_object_get(report, "motion"));
     put_ramp(file, json_object_get(report, "ramp"));
+    put_coarse(file, json_object_get(report, "coarse"));
     put_counts(file, report);
     put_seconds(file, report);
     put_memory(file, report);

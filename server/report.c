@@ -166,11 +166,10 @@ json_t *schema_energies_json(const drape_energies *energies)
     return finish(object, failed);
 }
 
-static const char *const PHASE[] = {[DRAPE_PHASE_SEWING] = "sewing",
-                                    [DRAPE_PHASE_MOVING] = "moving",
-                                    [DRAPE_PHASE_DRAPING] = "draping",
-                                    [DRAPE_PHASE_CERTIFYING] = "certifying",
-                                    [DRAPE_PHASE_RAMPING] = "ramping"};
+static const char *const PHASE[] = {
+    [DRAPE_PHASE_SEWING] = "sewing",   [DRAPE_PHASE_MOVING] = "moving",
+    [DRAPE_PHASE_DRAPING] = "draping", [DRAPE_PHASE_CERTIFYING] = "certifying",
+    [DRAPE_PHASE_RAMPING] = "ramping", [DRAPE_PHASE_COARSE] = "coarse"};
 
 /* percent stays null: the iterations that a drape needs are not known before it rests, and the share of
  * the budget that is spent says nothing about the work that is left. */
@@ -231,6 +230,16 @@ static json_t *ramp_json(const drape_report *report)
     int failed = json_object_set_new(object, "steps", count(report->ramp_steps));
     failed |= json_object_set_new(object, "iterations", count(report->ramp_iterations));
     failed |= json_object_set_new(object, "change", number(report->change));
+    return finish(object, failed);
+}
+
+static json_t *coarse_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "triangles", count(report->coarse_triangles));
+    failed |= json_object_set_new(object, "iterations", count(report->coarse_iterations));
+    failed |= json_object_set_new(object, "factorizations", count(report->coarse_factorizations));
+    failed |= json_object_set_new(object, "carried", json_boolean(report->coarse_carried));
     return finish(object, failed);
 }
 
@@ -327,6 +336,7 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "sewing", sewing_json(report));
     failed |= json_object_set_new(object, "motion", motion_json(report));
     failed |= json_object_set_new(object, "ramp", ramp_json(report));
+    failed |= json_object_set_new(object, "coarse", coarse_json(report));
     failed |= json_object_set_new(object, "seconds", number(report->seconds));
     failed |= json_object_set_new(object, "stages", stages_json(report));
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));

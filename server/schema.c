@@ -948,6 +948,9 @@ static const struct choice INTEGRATOR[] = {{"backward-euler", DRAPE_BACKWARD_EUL
 static const struct choice SELF_CONTACT[] = {
     {"auto", DRAPE_SELF_CONTACT_AUTO}, {"on", DRAPE_SELF_CONTACT_ON}, {"off", DRAPE_SELF_CONTACT_OFF}};
 
+static const struct choice COARSE[] = {
+    {"auto", DRAPE_COARSE_AUTO}, {"on", DRAPE_COARSE_ON}, {"off", DRAPE_COARSE_OFF}};
+
 static const struct choice PRIORITY[] = {
     {"low", JOB_PRIORITY_LOW}, {"normal", JOB_PRIORITY_NORMAL}, {"high", JOB_PRIORITY_HIGH}};
 
@@ -1007,13 +1010,14 @@ static int read_damping(struct reader *r, const json_t *solver, drape_options *r
 
 static int read_solver(struct reader *r, const json_t *root)
 {
-    static const char *const MEMBERS[] = {
-        "method",         "integrator",   "stop_on", "time_step",   "damping", "tolerance",
-        "max_iterations", "time_limit_s", "certify", "line_search", NULL};
+    static const char *const MEMBERS[] = {"method",  "integrator",  "stop_on",        "time_step",
+                                          "damping", "tolerance",   "max_iterations", "time_limit_s",
+                                          "certify", "line_search", "coarse",         NULL};
     static const struct range TIME_STEP = {DRAPE_MIN_TIME_STEP, DRAPE_MAX_TIME_STEP,
                                            "must be between 1e-6 and 1000 s"};
     const json_t *solver = json_object_get(root, "solver");
     drape_options *options = &r->spec->options;
+    int coarse = (int)r->spec->scene.coarse;
     if (solver && check_object(r, solver, "/solver", MEMBERS))
         return -1;
     if (read_words(r, solver, options) ||
@@ -1021,8 +1025,10 @@ static int read_solver(struct reader *r, const json_t *root)
         get_number(r, solver, "/solver", "tolerance", &TOLERANCE, &options->tolerance) ||
         read_max_iterations(r, solver, options) || read_time_limit(r, solver, options) ||
         read_damping(r, solver, options) ||
-        read_boolean(r, solver, "/solver", "line_search", &options->line_search))
+        read_boolean(r, solver, "/solver", "line_search", &options->line_search) ||
+        GET_CHOICE(r, solver, "/solver", "coarse", COARSE, &coarse))
         return -1;
+    r->spec->scene.coarse = (drape_coarse)coarse;
     return read_boolean(r, solver, "/solver", "certify", &options->certify);
 }
 

@@ -161,6 +161,11 @@ size_t drape_field_bytes(const drape_field *field)
     return dr_field_bytes(field);
 }
 
+drape_field *dr_body_field(const struct dr_body *body)
+{
+    return body->field;
+}
+
 double dr_body_offset(const struct dr_body *body)
 {
     return body->offset;

@@ -64,6 +64,9 @@ void dr_body_nearest(const struct dr_body *body, const double x[3], struct dr_pl
 /* Where a mesh's vertices are now, 3*vertices. */
 const double *dr_body_positions(const struct dr_body *body);
 
+/* The field of a mesh that stands, the body's own reference; NULL of anything else. */
+drape_field *dr_body_field(const struct dr_body *body);
+
 double dr_body_offset(const struct dr_body *body);
 double dr_body_friction(const struct dr_body *body);
 size_t dr_body_bytes(const struct dr_body *body);

@@ -23,6 +23,7 @@
 #define PIECES_PER_TRIANGLE  420.0 /* of the pieces as they were cut: stretch and bending again */
 #define FIT_PER_TRIANGLE     72.0
 #define TOUCHING_PER_VERTEX  400.0 /* anchors and distances of cloth by bodies */
+#define COARSE_PER_TRIANGLE  145.0 /* the coarse mesh and the way up */
 #define NEAREST_PER_TRIANGLE 100.0 /* of a body: the tree that its nearest points are found by */
 
 /* A band of 7 cm around a person, over its thickness times the area: limbs are no thicker (by Steiner's
@@ -46,6 +47,14 @@ static bool is_explicit(const drape_options *options)
     return options->integrator == DRAPE_RK4 &&
            (options->method == DRAPE_METHOD_STOP_AND_GO || options->method == DRAPE_METHOD_DYNAMIC ||
             options->method == DRAPE_METHOD_VELOCITY_CORRECTION);
+}
+
+static bool has_coarse_mesh(const drape_scene_desc *desc)
+{
+    for (size_t b = 0; b < desc->bodies; b++)
+        if (desc->body[b].keyframes)
+            return false;
+    return desc->coarse == DRAPE_COARSE_ON && !desc->start_pattern;
 }
 
 static double matrix_bytes(const drape_scene_desc *desc, const drape_options *options)
@@ -131,6 +140,8 @@ size_t drape_memory_estimate(const drape_scene_desc *desc, const drape_options *
         bytes += SELF_PER_VERTEX * vertices;
     if (desc->seams)
         bytes += PIECES_PER_TRIANGLE * triangles;
+    if (has_coarse_mesh(desc)) /* a quarter of the triangles */
+        bytes += (COARSE_PER_TRIANGLE + (desc->seams ? PIECES_PER_TRIANGLE / 4 : 0)) * triangles;
     if (desc->bodies)
         bytes += TOUCHING_PER_VERTEX * vertices;
     if (options->fit)

@@ -73,6 +73,14 @@ static const char *reason_not_to_move(const drape_scene *scene)
     return scene->path ? "only the start is evaluated" : "no body moves";
 }
 
+/* Why the coarse mesh is left aside; NULL: it comes first. */
+static const char *reason_without_coarse(const drape_scene *scene, const drape_options *options)
+{
+    if (!scene->coarse)
+        return scene->coarse_left_out;
+    return options->max_iterations ? NULL : "only the start is evaluated";
+}
+
 static bool has_friction(const drape_scene *scene, bool self)
 {
     double most = 0;
@@ -115,6 +123,8 @@ static void decide_terms(struct dr_plan *plan, const drape_scene *scene, const d
            "no tack in the scene");
     decide(plan, DR_TERM_SELF_CONTACT, "self-contact", cloth->self, 0, reason_without_self(scene, options));
     decide(plan, DR_TERM_SEWING, "sewing", plan->pieces.mesh, sewing_bytes, reason_not_to_sew(scene));
+    const char *without_coarse = reason_without_coarse(scene, options);
+    decide(plan, DR_TERM_COARSE, "coarse", !without_coarse, dr_scene_coarse_bytes(scene), without_coarse);
     decide(plan, DR_TERM_MOTION, "motion", plan->moved.mesh, dr_scene_motion_bytes(scene),
            reason_not_to_move(scene));
     decide(plan, DR_TERM_RAMP, "ramp", scene->old_stretch && implicit && options->max_iterations,
@@ -197,6 +207,7 @@ void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR
     for (int t = 0; t < DR_TERMS; t++) {
         int of = phase == DRAPE_PHASE_SEWING   ? DR_TERM_SEWING
                  : phase == DRAPE_PHASE_MOVING ? DR_TERM_MOTION
+                 : phase == DRAPE_PHASE_COARSE ? DR_TERM_COARSE
                                                : t;
         plan->term[of].bytes += bytes[t];
         plan->phase_bytes[phase] += bytes[t];

@@ -26,6 +26,7 @@ enum dr_term {
     DR_TERM_TACKS,
     DR_TERM_SELF_CONTACT,
     DR_TERM_SEWING, /* all that only sewing needs */
+    DR_TERM_COARSE, /* all that only the coarse cloth needs */
     DR_TERM_MOTION, /* and all that only bodies in motion need */
     DR_TERM_RAMP,
     DR_TERM_JACOBIAN,
@@ -44,8 +45,8 @@ enum dr_cloth_matrix {
     DR_MATRIX_LDL
 };
 
-/* Those that hold memory of their own: sewing, moving, draping. */
-#define DR_PHASES (DRAPE_PHASE_DRAPING + 1)
+/* Those that hold memory of their own: sewing, moving, draping, and the coarse cloth. */
+#define DR_PHASES (DRAPE_PHASE_COARSE + 1)
 
 /* The mechanics of one mesh. */
 struct dr_cloth_plan {

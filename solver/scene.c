@@ -12,6 +12,7 @@
 #include "seam.h"
 
 #define LEAST_CHANGE 1e-9 /* of a length, relative, that makes another pattern */
+#define COARSER      2    /* edges of the coarse mesh over those of the fine one */
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -166,6 +167,8 @@ static drape_status check_numbers(const drape_scene_desc *desc, drape_error *ret
                           "it is not finite and within %g m/s^2", DRAPE_MAX_GRAVITY);
     if (desc->self_contact > DRAPE_SELF_CONTACT_OFF)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "self_contact", "out of range");
+    if (desc->coarse > DRAPE_COARSE_OFF)
+        return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "coarse", "out of range");
     if (!(desc->thickness >= DRAPE_MIN_THICKNESS && desc->thickness <= DRAPE_MAX_THICKNESS))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "thickness",
                           "%g m is not between %g and %g", desc->thickness, DRAPE_MIN_THICKNESS,
@@ -660,6 +663,65 @@ static bool has_lines(const drape_scene_desc *desc)
     return desc->elastics || desc->folds || desc->tacks;
 }
 
+/* ---- the coarse mesh ---------------------------------------------------------------------------- */
+
+/* Why the scene has no coarse mesh; NULL: it has one. */
+static const char *reason_not_to_coarsen(const drape_scene_desc *desc, const drape_scene *scene)
+{
+    if (desc->coarse == DRAPE_COARSE_OFF)
+        return "switched off";
+    if (scene->draped)
+        return "the start is a drape";
+    if (scene->path)
+        return "a body moves";
+    return desc->coarse == DRAPE_COARSE_AUTO ? "auto: it does not save time on every garment" : NULL;
+}
+
+/* The length of the edges if all triangles were equal, m. */
+static double mean_edge(const struct dr_mesh *mesh)
+{
+    double area = 0;
+    for (size_t t = 0; t < mesh->triangles; t++)
+        area += mesh->area[t];
+    return sqrt(4 / sqrt(3) * area / (double)mesh->triangles);
+}
+
+/* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. */
+static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
+{
+    drape_scene_desc desc = scene->coarse->desc;
+    drape_body *body = calloc(desc.bodies ? desc.bodies : 1, sizeof *body);
+    if (!body)
+        return dr_out_of_memory(reterr);
+    for (size_t b = 0; b < desc.bodies; b++) {
+        body[b] = desc.body[b];
+        body[b].field = dr_body_field(scene->body[b]);
+    }
+    desc.body = body;
+    desc.coarse = DRAPE_COARSE_OFF;
+    drape_status status = drape_scene_new(&desc, &scene->coarse_scene, reterr);
+    free(body);
+    dr_coarse_strip(scene->coarse);
+    return status;
+}
+
+static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
+{
+    drape_status status = DRAPE_OK;
+    scene->coarse_left_out = reason_not_to_coarsen(desc, scene);
+    if (scene->coarse_left_out)
+        return DRAPE_OK;
+    if ((status = dr_coarsen(desc, COARSER * mean_edge(scene->mesh), &scene->coarse, reterr)) < 0)
+        return status;
+    if (2 * scene->coarse->desc.triangles > desc->triangles)
+        scene->coarse_left_out = "what has to be kept leaves too many triangles";
+    else if ((status = compile_coarse(scene, reterr)) == DRAPE_EINVAL)
+        scene->coarse_left_out = "the coarse mesh cannot be sewn";
+    if (scene->coarse_left_out)
+        scene->coarse = dr_coarse_free(scene->coarse);
+    return status == DRAPE_EINVAL ? DRAPE_OK : status;
+}
+
 /* Everything up to what only the solver needs: checks, welding, meshes, parts. */
 static drape_status compile(const drape_scene_desc *desc, drape_scene **ret, drape_error *reterr)
 {
@@ -740,6 +802,8 @@ drape_status drape_scene_new(const drape_scene_desc *desc, drape_scene **ret, dr
         status = new_bends(desc, scene, reterr);
     if (status >= 0)
         status = new_bodies(desc, scene, reterr);
+    if (status >= 0)
+        status = new_coarse(desc, scene, reterr);
     if (status < 0) {
         drape_scene_free(scene);
         return status;
@@ -757,6 +821,10 @@ drape_scene *drape_scene_free(drape_scene *scene)
             if (scene->path)
                 free_path(scene->path[b]);
             dr_body_free(scene->body[b]);
+        }
+        if (scene->coarse) { /* else not even a call */
+            drape_scene_free(scene->coarse_scene);
+            dr_coarse_free(scene->coarse);
         }
         free(scene->path);
         free(scene->first_body);
@@ -802,6 +870,17 @@ size_t dr_scene_motion_bytes(const drape_scene *scene)
     return bytes;
 }
 
+size_t dr_scene_coarse_bytes(const drape_scene *scene)
+{
+    if (!scene->coarse)
+        return 0;
+    size_t bytes = dr_coarse_bytes(scene->coarse) + dr_scene_bytes(scene->coarse_scene);
+    for (size_t b = 0; b < scene->bodies; b++)
+        if (dr_body_field(scene->body[b]))
+            bytes -= drape_field_bytes(dr_body_field(scene->body[b])); /* shared */
+    return bytes;
+}
+
 size_t dr_scene_bytes(const drape_scene *scene)
 {
     size_t bytes = sizeof *scene + scene->vertices * (4 * sizeof(double) + sizeof(uint32_t)) +
@@ -820,7 +899,7 @@ size_t dr_scene_bytes(const drape_scene *scene)
         bytes += scene->vertices * sizeof *scene->piece_part;
     for (size_t b = 0; b < scene->bodies; b++)
         bytes += dr_body_bytes(scene->body[b]);
-    bytes += dr_scene_motion_bytes(scene);
+    bytes += dr_scene_motion_bytes(scene) + dr_scene_coarse_bytes(scene);
     return bytes;
 }
 

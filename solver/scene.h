@@ -4,6 +4,7 @@
 
 #include "bend.h"
 #include "body.h"
+#include "coarsen.h"
 #include "elastic.h"
 #include "fold.h"
 #include "mesh.h"
@@ -61,11 +62,15 @@ struct drape_scene {
     uint32_t *part;              /* nodes: component of each */
     bool *part_held;             /* parts: it has a held node, or a tacked one */
     uint32_t *piece_part;        /* vertices: part that each will be in; NULL: one part, or nothing to sew */
+    struct dr_coarse *coarse;    /* the way up from a coarse mesh; NULL: there is none */
+    drape_scene *coarse_scene;   /* of it; NULL with coarse */
+    const char *coarse_left_out; /* static string: why there is none */
 };
 
-/* Bytes held by the scene, and those of them that only motion needs. */
+/* Bytes held by the scene, and those of them that only motion, or only the coarse mesh, needs. */
 size_t dr_scene_bytes(const drape_scene *scene);
 size_t dr_scene_motion_bytes(const drape_scene *scene);
+size_t dr_scene_coarse_bytes(const drape_scene *scene);
 
 /* Node positions x (3*nodes) for vertex positions v (3*vertices). */
 void dr_scene_weld(const drape_scene *scene, const double *v, double *x);

@@ -146,7 +146,8 @@ static bool has_time(const struct drape_sim *sim, const struct dr_matrix *A)
 drape_status dr_sim_check_memory(const struct drape_sim *sim, const struct dr_cloth *cloth,
                                  drape_error *reterr)
 {
-    size_t bytes[DR_TERMS] = {0}, held = dr_plan_held(&sim->plan), limit = sim->options.memory_limit;
+    size_t bytes[DR_TERMS] = {0}, limit = sim->options.memory_limit;
+    size_t held = dr_plan_held(&sim->plan) + sim->held_outside;
     if (!limit)
         return DRAPE_OK;
     if (cloth) {
@@ -194,6 +195,7 @@ static void report_stages(struct drape_sim *sim)
     static const char *const name[DR_STAGES] = {
         [DR_STAGE_PREPARE] = "prepare",
         [DR_STAGE_SEW] = "sew",
+        [DR_STAGE_COARSE] = "coarse",
         [DR_STAGE_FOLLOW] = "motion",
         [DR_STAGE_ASSEMBLE] = "assemble",
         [DR_STAGE_FACTORISE] = "factorise",
@@ -220,12 +222,15 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
     drape_status status = DRAPE_OK;
+    bool carried = false;
     double *x = malloc(3 * scene->mesh->nodes * sizeof *x);
     if (!x)
         return dr_out_of_memory(reterr);
     omp_set_max_active_levels(0); /* see drape_sim_run in drape.h */
     sim->began = dr_clock();
-    if (sim->plan.pieces.mesh)
+    if (sim->plan.term[DR_TERM_COARSE].kept)
+        status = dr_coarse_drape(sim, &carried, reterr);
+    if (status >= 0 && sim->plan.pieces.mesh && !carried)
         status = dr_sew(sim, reterr);
     if (status >= 0) {
         dr_scene_weld(scene, sim->positions, x);

@@ -11,6 +11,7 @@
 enum dr_stage {
     DR_STAGE_PREPARE = 0, /* matrices analysed, buffers made */
     DR_STAGE_SEW,
+    DR_STAGE_COARSE, /* all that the coarse cloth takes */
     DR_STAGE_FOLLOW, /* bodies in motion */
     DR_STAGE_ASSEMBLE,
     DR_STAGE_FACTORISE,
@@ -35,6 +36,7 @@ struct drape_sim {
     size_t rows;
     double
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
+    size_t held_outside; /* bytes of another sim's that count against the limit, too */
     drape_report report;
 };
 
@@ -61,6 +63,10 @@ void dr_sim_tell(struct drape_sim *sim, const drape_progress *progress);
 /* Closes the seams: from the start positions in sim->positions to positions whose seams are
  * DR_WELD_GAP or less apart, as far as the step budget allows; the report gets the gap that is left. */
 drape_status dr_sew(struct drape_sim *sim, drape_error *reterr);
+
+/* Sews and drapes the coarse cloth, and carries it up into sim->positions, whose seams are then to be welded.
+ * *ret_carried: whether that went well; else nothing has changed. */
+drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr);
 
 /* Follows the bodies along their paths: x (3*nodes) goes from where the cloth is when they start to where it
  * is when they have come to stand. Out of time or cancelled on the way, it carries the cloth there at once.

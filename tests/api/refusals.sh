@@ -51,6 +51,7 @@ refuse 'an empty list of materials' 422 invalid /cloth/materials '.cloth.materia
 refuse 'an unknown preset' 422 invalid /cloth/materials/0/preset '.cloth.materials = [{preset: "unobtainium"}]'
 refuse 'an unknown method' 422 invalid /solver/method '.solver.method = "magic"'
 refuse 'a certificate neither asked for nor not' 422 invalid /solver/certify '.solver.certify = "yes"'
+refuse 'a coarse mesh of an unknown kind' 422 invalid /solver/coarse '.solver.coarse = true'
 refuse 'a fit neither asked for nor not' 422 invalid /fit '.fit = 1'
 refuse 'damping where there is none' 422 invalid /solver/damping/air '.solver.damping.air = 1'
 refuse 'a negative tolerance' 422 invalid /solver/tolerance '.solver.tolerance = -1'

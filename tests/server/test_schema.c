@@ -154,6 +154,14 @@ static void test_schema__solver_options_are_read(void **state)
     assert_int_equal(spec->options.max_iterations, 0);
     assert_close(spec->options.time_limit, 7.5, 0);
     assert_true(spec->options.certify);
+    assert_int_equal(spec->scene.coarse, DRAPE_COARSE_AUTO);
+    job_spec_free(spec);
+
+    spec = parse_with("/solver", "{\"coarse\": \"on\"}");
+    assert_int_equal(spec->scene.coarse, DRAPE_COARSE_ON);
+    job_spec_free(spec);
+    spec = parse_with("/solver", "{\"coarse\": \"off\"}");
+    assert_int_equal(spec->scene.coarse, DRAPE_COARSE_OFF);
     job_spec_free(spec);
 
     spec = parse_with("/solver", "{\"method\": \"velocity-correction\", \"damping\": {\"air\": 1}}");
@@ -757,6 +765,8 @@ static void test_schema__wrong_values_are_refused_at_their_place(void **state)
         {"/solver/damping/air", "-1", NULL},
         {"/solver/damping/water", "1", NULL},
         {"/solver/certify", "0", NULL},
+        {"/solver/coarse", "true", NULL},
+        {"/solver/coarse", "\"fine\"", NULL},
         {"/solver/threads", "8", NULL},
         {"/name", "7", NULL},
         {"/priority", "\"urgent\"", NULL},
@@ -1224,6 +1234,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "sewing",
                                           "motion",
                                           "ramp",
+                                          "coarse",
                                           "seconds",
                                           "stages",
                                           "peak_bytes",
@@ -1246,6 +1257,10 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
         .reason = "the residual force fell below the tolerance",
         .iterations = 12,
         .drop = 0.312,
+        .coarse_triangles = 700,
+        .coarse_iterations = 12,
+        .coarse_factorizations = 80,
+        .coarse_carried = true,
         .peak_bytes = (size_t)5 << 30,
         .terms = 2,
         .term = {{"stretch", true, 100, ""}, {"contact", false, 0, "no body in the scene"}},
@@ -1259,6 +1274,13 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(json, "stop_on")), "kinetic");
     assert_true(json_integer_value(json_object_get(json, "peak_bytes")) == (json_int_t)5 << 30);
     assert_close(json_number_value(json_object_get(json_object_get(json, "stages"), "assemble")), 0.5, 0);
+    static const char *const COARSE[] = {"triangles", "iterations", "factorizations", "carried", NULL};
+    json_t *coarse = json_object_get(json, "coarse");
+    expect_members(coarse, COARSE);
+    assert_int_equal(json_integer_value(json_object_get(coarse, "triangles")), 700);
+    assert_int_equal(json_integer_value(json_object_get(coarse, "iterations")), 12);
+    assert_int_equal(json_integer_value(json_object_get(coarse, "factorizations")), 80);
+    assert_true(json_is_true(json_object_get(coarse, "carried")));
     assert_true(json_is_null(json_object_get(json, "certificate")));
     assert_close(json_number_value(json_object_get(json, "drop")), 0.312, 0);
     assert_string_equal(json_string_value(json_object_get(json, "residual_energy_is")), "estimate");

@@ -127,14 +127,18 @@ static void test_estimate__is_within_a_factor_of_one_and_a_half(void **state)
         drape_method method;
         drape_integrator integrator;
         bool body, fit;
+        drape_coarse coarse;
     } cases[] = {
-        {23, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false}, /* 968 triangles */
-        {40, 1, DRAPE_METHOD_STOP_AND_GO, DRAPE_BACKWARD_EULER, false, true},
-        {40, 1, DRAPE_METHOD_NEWTON, DRAPE_BACKWARD_EULER, false, false},
-        {40, 1, DRAPE_METHOD_STOP_AND_GO, DRAPE_RK4, false, false},
-        {71, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false}, /* 9 800 */
-        {23, 2, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false},
-        {23, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, true, false}, /* nearly all of it the body's field */
+        {23, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_AUTO}, /* 968 triangles */
+        {40, 1, DRAPE_METHOD_STOP_AND_GO, DRAPE_BACKWARD_EULER, false, true, DRAPE_COARSE_AUTO},
+        {40, 1, DRAPE_METHOD_NEWTON, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_AUTO},
+        {40, 1, DRAPE_METHOD_STOP_AND_GO, DRAPE_RK4, false, false, DRAPE_COARSE_AUTO},
+        {71, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_AUTO}, /* 9 800 */
+        {23, 2, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_AUTO},
+        {40, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_ON},
+        {40, 2, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, false, false, DRAPE_COARSE_ON},
+        {23, 1, DRAPE_METHOD_AUTO, DRAPE_BACKWARD_EULER, true, false,
+         DRAPE_COARSE_AUTO}, /* nearly all of it the body's field */
     };
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         struct example e;
@@ -148,6 +152,7 @@ static void test_estimate__is_within_a_factor_of_one_and_a_half(void **state)
         e.options.method = cases[c].method;
         e.options.integrator = cases[c].integrator;
         e.options.fit = cases[c].fit;
+        e.desc.coarse = cases[c].coarse;
         size_t estimate = drape_memory_estimate(&e.desc, &e.options);
         assert_true(run(&e, &peak, &error) >= 0);
         if (!(estimate < 1.5 * (double)peak && peak < 1.5 * (double)estimate))

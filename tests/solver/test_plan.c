@@ -135,7 +135,7 @@ static void test_plan__a_plain_scene_keeps_the_least(void **state)
     }
     assert_string_equal(kept, " state trace stretch bend gravity jacobian geometric-stiffness velocities");
     assert_string_equal(left_out, " strain-stress-curves elastics folds contact friction tacks self-contact "
-                                  "sewing motion ramp conjugate-gradients certificate fit");
+                                  "sewing coarse motion ramp conjugate-gradients certificate fit");
     assert_int_equal(term_of(&report, "trace")->bytes, 4 * sizeof(drape_row));
     assert_int_equal(term_of(&report, "gravity")->bytes, 3 * VERTICES * sizeof(double));
     assert_int_equal(term_of(&report, "geometric-stiffness")->bytes, 3 * TRIANGLES * sizeof(double));
@@ -336,6 +336,23 @@ static void test_plan__motion_has_its_own_bytes_and_gives_them_back(void **state
     assert_string_equal(term_of(&report, "motion")->reason, "no body moves");
 }
 
+static void test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back(void **state)
+{
+    (void)state;
+    struct example e;
+    make(&e);
+    const drape_report plain = run(&e);
+    e.desc.coarse = DRAPE_COARSE_ON;
+    drape_report report = run(&e);
+    assert_true(report.coarse_carried);
+    const drape_term *coarse = term_of(&report, "coarse");
+    for (size_t i = 0; i < report.terms; i++)
+        if (strcmp(report.term[i].name, "coarse"))
+            assert_int_equal(report.term[i].bytes, plain.term[i].bytes);
+    assert_true(coarse->kept && coarse->bytes > 0);
+    assert_true(report.peak_bytes < sum(&report) && report.peak_bytes > sum(&report) - coarse->bytes);
+}
+
 int main(void)
 {
     drape_blas_prepare();
@@ -343,6 +360,7 @@ int main(void)
         cmocka_unit_test(test_plan__a_plain_scene_keeps_the_least),
         cmocka_unit_test(test_plan__a_change_moves_its_own_terms_alone),
         cmocka_unit_test(test_plan__motion_has_its_own_bytes_and_gives_them_back),
+        cmocka_unit_test(test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__sewing_has_its_own_bytes_and_gives_them_back),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);

@@ -1,0 +1,127 @@
+/* coarse.c - the first phase of a fine cloth: sews and drapes the coarse one, and carries it up.
+ *
+ * The coarse cloth is a scene of its own, with the same bodies and fabrics, and runs as any other. It need
+ * not come to rest: its wrinkles are those of its own mesh. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "error.h"
+#include "self.h"
+#include "sim.h"
+
+#define ITERATIONS 12   /* of draping at most */
+#define TOLERANCE  1e-2 /* likewise, where the job's is no coarser */
+
+/* Tells what the coarse cloth does as the job's own progress. */
+static int relay(const drape_progress *progress, void *data)
+{
+    struct drape_sim *sim = data;
+    drape_progress told = *progress;
+    if (told.phase == DRAPE_PHASE_DRAPING)
+        told.phase = DRAPE_PHASE_COARSE;
+    told.row.seconds = dr_clock() - sim->began;
+    dr_sim_tell(sim, &told);
+    return dr_sim_interrupted(sim);
+}
+
+static drape_options options_of(struct drape_sim *sim)
+{
+    drape_options options = sim->options;
+    options.certify = options.fit = false;
+    if (options.tolerance < TOLERANCE)
+        options.tolerance = TOLERANCE;
+    if (options.max_iterations > ITERATIONS)
+        options.max_iterations = ITERATIONS;
+    options.time_limit -= dr_clock() - sim->began;
+    options.progress = relay;
+    options.progress_data = sim;
+    return options;
+}
+
+/* Edges of the cloth pass through its triangles at these positions of the vertices. */
+static drape_status crosses_itself(const struct drape_sim *sim, const double *positions, bool *ret,
+                                   drape_error *reterr)
+{
+    const drape_scene *scene = sim->scene;
+    struct dr_self *self = NULL;
+    double *x = malloc(3 * scene->mesh->nodes * sizeof *x), unused[3];
+    drape_status status =
+        x ? dr_self_new(scene->mesh, scene->thickness, &self, reterr) : dr_out_of_memory(reterr);
+    if (status >= 0) {
+        dr_scene_weld(scene, positions, x);
+        *ret = dr_self_crossings(self, x, unused) > 0;
+        status = dr_self_error(self, reterr);
+    }
+    dr_self_free(self);
+    free(x);
+    return status;
+}
+
+/* Whether the coarse cloth is where the fine one may start. */
+static bool came_out_well(const struct drape_sim *coarse)
+{
+    const drape_report *report = &coarse->report;
+    return report->verdict != DRAPE_VERDICT_INTERSECTING && report->verdict != DRAPE_VERDICT_SLID_OFF &&
+           report->seam_gap <= DR_WELD_GAP;
+}
+
+static drape_status carry(struct drape_sim *sim, const struct drape_sim *coarse, bool *ret_carried,
+                          drape_error *reterr)
+{
+    size_t count = 3 * sim->scene->vertices;
+    bool crosses = false;
+    double *positions = malloc(count * sizeof *positions);
+    if (!positions)
+        return dr_out_of_memory(reterr);
+    memcpy(positions, sim->positions, count * sizeof *positions);
+    dr_coarse_carry(sim->scene->coarse, coarse->positions, positions);
+    drape_status status = DRAPE_OK;
+    if (sim->plan.welded.self)
+        status = crosses_itself(sim, positions, &crosses, reterr);
+    *ret_carried = status >= 0 && !crosses;
+    if (*ret_carried)
+        memcpy(sim->positions, positions, count * sizeof *positions);
+    free(positions);
+    return status;
+}
+
+/* Counts for the job what the coarse cloth took. */
+static void account(struct drape_sim *sim, const struct drape_sim *coarse)
+{
+    const drape_report *report = &coarse->report;
+    size_t bytes[DR_TERMS] = {[DR_TERM_COARSE] = report->peak_bytes - dr_scene_bytes(coarse->scene)};
+    dr_plan_hold(&sim->plan, DRAPE_PHASE_COARSE, bytes);
+    sim->report.coarse_triangles = coarse->scene->mesh->triangles;
+    sim->report.coarse_iterations = report->iterations;
+    sim->report.coarse_factorizations = report->factorizations;
+}
+
+drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr)
+{
+    double began = dr_clock();
+    drape_sim *coarse = NULL;
+    drape_options options = options_of(sim);
+    *ret_carried = false;
+    if (!(options.time_limit > 0))
+        return DRAPE_OK;
+    drape_status status = drape_sim_new(sim->scene->coarse_scene, &options, &coarse, reterr);
+    if (status < 0)
+        return status;
+    coarse->held_outside = dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
+    status = drape_sim_run(coarse, reterr);
+    if (status >= 0) {
+        account(sim, coarse);
+        if (came_out_well(coarse) || dr_sim_interrupted(sim))
+            status = carry(sim, coarse, ret_carried, reterr);
+    } else if (status == DRAPE_ENUMERIC) {
+        status = DRAPE_OK; /* without, then */
+    }
+    if (*ret_carried) {
+        sim->report.coarse_carried = true;
+        sim->report.sewing_iterations = coarse->report.sewing_iterations;
+        sim->report.seam_gap = coarse->report.seam_gap;
+    }
+    drape_sim_free(coarse);
+    sim->stage[DR_STAGE_COARSE] = dr_clock() - began;
+    return status;
+}
