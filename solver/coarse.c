@@ -28,6 +28,7 @@ static drape_options options_of(struct drape_sim *sim)
 {
     drape_options options = sim->options;
     options.certify = options.fit = false;
+    options.preview = NULL;
     if (options.tolerance < TOLERANCE)
         options.tolerance = TOLERANCE;
     if (options.max_iterations > ITERATIONS)
@@ -63,6 +64,20 @@ static bool came_out_well(const struct drape_sim *coarse)
     const drape_report *report = &coarse->report;
     return report->verdict != DRAPE_VERDICT_INTERSECTING && report->verdict != DRAPE_VERDICT_SLID_OFF &&
            report->seam_gap <= DR_WELD_GAP;
+}
+
+static void show(const struct drape_sim *sim, const struct drape_sim *coarse)
+{
+    const struct dr_coarse *mesh = sim->scene->coarse;
+    drape_preview preview = {.vertices = mesh->vertices,
+                             .triangles = mesh->triangles,
+                             .seams = mesh->seams,
+                             .positions = coarse->positions,
+                             .vertex = mesh->vertex,
+                             .triangle = mesh->triangle,
+                             .seam = mesh->seam};
+    if (sim->options.preview)
+        sim->options.preview(&preview, sim->options.preview_data);
 }
 
 static drape_status carry(struct drape_sim *sim, const struct drape_sim *coarse, bool *ret_carried,
@@ -117,6 +132,7 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
         status = DRAPE_OK; /* without, then */
     }
     if (*ret_carried) {
+        show(sim, coarse);
         sim->report.coarse_carried = true;
         sim->report.sewing_iterations = coarse->report.sewing_iterations;
         sim->report.seam_gap = coarse->report.seam_gap;

@@ -632,16 +632,14 @@ static bool make_arrays(const drape_scene_desc *from, const drape_scene_desc *to
 {
     own->positions = malloc((3 * to->vertices + 1) * sizeof *own->positions);
     own->pattern = malloc((2 * to->vertices + 1) * sizeof *own->pattern);
-    own->triangle = malloc(3 * from->triangles * sizeof *own->triangle);
     own->triangle_material = malloc(from->triangles * sizeof *own->triangle_material);
-    own->seam = malloc((2 * from->seams + 1) * sizeof *own->seam);
     own->pin = malloc((from->pins + 1) * sizeof *own->pin);
     own->edge = malloc((2 * count_edges(from) + 1) * sizeof *own->edge);
     own->elastic = malloc((from->elastics + 1) * sizeof *own->elastic);
     own->fold = malloc((from->folds + 1) * sizeof *own->fold);
     own->tack = malloc((from->tacks + 1) * sizeof *own->tack);
-    return own->positions && own->pattern && own->triangle && own->triangle_material && own->seam &&
-           own->pin && own->edge && own->elastic && own->fold && own->tack;
+    return own->positions && own->pattern && own->triangle_material && own->pin && own->edge &&
+           own->elastic && own->fold && own->tack;
 }
 
 static void take_lines(const drape_scene_desc *from, const uint32_t *number, struct dr_coarse_arrays *own)
@@ -707,21 +705,29 @@ static bool finish(const struct coarsening *c, uint32_t *number, struct dr_coars
     for (uint32_t v = 0; v < from->vertices; v++)
         number[v] = c->first[v] == DR_NONE ? DR_NONE : (uint32_t)to->vertices++;
     coarse->fine = from->vertices;
+    coarse->vertices = to->vertices;
+    coarse->vertex = malloc((to->vertices + 1) * sizeof *coarse->vertex);
+    coarse->triangle = malloc(3 * from->triangles * sizeof *coarse->triangle);
+    coarse->seam = malloc((2 * from->seams + 1) * sizeof *coarse->seam);
     coarse->corner = malloc(3 * coarse->fine * sizeof *coarse->corner);
     coarse->weight = calloc(3 * coarse->fine, sizeof *coarse->weight);
-    if (!make_arrays(from, to, own) || !coarse->corner || !coarse->weight)
+    if (!make_arrays(from, to, own) || !coarse->vertex || !coarse->triangle || !coarse->seam ||
+        !coarse->corner || !coarse->weight)
         return false;
-    to->triangles = take_rows(c->triangle, from->triangles, 3, number, own->triangle);
-    to->seams = take_rows(from->seam, from->seams, 2, number, own->seam);
+    for (uint32_t v = 0; v < from->vertices; v++)
+        if (number[v] != DR_NONE)
+            coarse->vertex[number[v]] = v;
+    to->triangles = coarse->triangles = take_rows(c->triangle, from->triangles, 3, number, coarse->triangle);
+    to->seams = coarse->seams = take_rows(from->seam, from->seams, 2, number, coarse->seam);
     to->pins = take_rows(from->pin, from->pins, 1, number, own->pin);
     take_mesh(c, number, own);
     take_lines(from, number, own);
     map_up(c, number, coarse);
     to->positions = own->positions;
     to->pattern = own->pattern;
-    to->triangle = own->triangle;
+    to->triangle = coarse->triangle;
     to->triangle_material = own->triangle_material;
-    to->seam = own->seam;
+    to->seam = coarse->seam;
     to->pin = own->pin;
     to->elastic = own->elastic;
     to->fold = own->fold;
@@ -754,8 +760,7 @@ drape_status dr_coarsen(const drape_scene_desc *desc, double edge, struct dr_coa
 void dr_coarse_strip(struct dr_coarse *coarse)
 {
     struct dr_coarse_arrays *own = &coarse->own;
-    void *array[] = {own->positions, own->pattern, own->triangle, own->triangle_material,
-                     own->seam,      own->pin,     own->edge,     own->elastic,
+    void *array[] = {own->positions, own->pattern, own->triangle_material, own->pin, own->edge, own->elastic,
                      own->fold,      own->tack};
     for (size_t i = 0; i < sizeof array / sizeof *array; i++)
         free(array[i]);
@@ -767,6 +772,9 @@ struct dr_coarse *dr_coarse_free(struct dr_coarse *coarse)
 {
     if (coarse) {
         dr_coarse_strip(coarse);
+        free(coarse->vertex);
+        free(coarse->triangle);
+        free(coarse->seam);
         free(coarse->corner);
         free(coarse->weight);
         free(coarse);
@@ -776,7 +784,8 @@ struct dr_coarse *dr_coarse_free(struct dr_coarse *coarse)
 
 size_t dr_coarse_bytes(const struct dr_coarse *coarse)
 {
-    return sizeof *coarse + 3 * coarse->fine * (sizeof *coarse->corner + sizeof *coarse->weight);
+    return sizeof *coarse + 3 * coarse->fine * (sizeof *coarse->corner + sizeof *coarse->weight) +
+           (coarse->vertices + 3 * coarse->triangles + 2 * coarse->seams) * sizeof *coarse->vertex;
 }
 
 void dr_coarse_carry(const struct dr_coarse *coarse, const double *x, double *fine)

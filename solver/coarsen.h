@@ -21,15 +21,19 @@ struct dr_coarse {
     drape_scene_desc desc; /* its bodies, materials and curves are those of the fine one */
     struct dr_coarse_arrays {
         double *positions, *pattern;
-        uint32_t *triangle, *triangle_material, *seam, *pin;
+        uint32_t *triangle_material, *pin;
         uint32_t *edge; /* of the elastics, then of the folds */
         drape_elastic *elastic;
         drape_fold *fold;
         drape_tack *tack;
-    } own;            /* what else `desc` points to */
-    size_t fine;      /* vertices of the fine mesh */
-    uint32_t *corner; /* 3*fine: coarse vertices that each fine one lies between; DR_NONE: of no triangle */
-    double *weight;   /* 3*fine: their weights, which sum to 1; beside an outline some are below 0 */
+    } own; /* what else `desc` points to */
+    size_t vertices, triangles, seams;
+    uint32_t *vertex;   /* vertices: of the fine mesh, each */
+    uint32_t *triangle; /* 3*triangles */
+    uint32_t *seam;     /* 2*seams */
+    size_t fine;        /* vertices of the fine mesh */
+    uint32_t *corner;   /* 3*fine: coarse vertices that each fine one lies between; DR_NONE: of no triangle */
+    double *weight;     /* 3*fine: their weights, which sum to 1; beside an outline some are below 0 */
 };
 
 /* `desc` has passed drape_scene_check; what has no triangle, and a start_pattern, is left out. `edge`: the
@@ -39,7 +43,7 @@ drape_status dr_coarsen(const drape_scene_desc *desc, double edge, struct dr_coa
 struct dr_coarse *dr_coarse_free(struct dr_coarse *coarse); /* NULL is fine; returns NULL */
 size_t dr_coarse_bytes(const struct dr_coarse *coarse);     /* without what `desc` points to */
 
-/* Lets go what `desc` points to, once a scene has been made of it. */
+/* Lets go of `desc` and what only it points to, once a scene has been made of it. */
 void dr_coarse_strip(struct dr_coarse *coarse);
 
 /* Places of the fine vertices (3*fine) on the coarse mesh at x (3*desc.vertices); one of no triangle is left

@@ -165,12 +165,12 @@ typedef enum drape_self_contact {
     DRAPE_SELF_CONTACT_OFF
 } drape_self_contact;
 
-/* Whether the cloth is sewn and draped on an automatically coarsened mesh first, of about a quarter of its
- * triangles (solver/coarsen.h), and begins from there. The result is of the whole mesh either way; the report's
- * plan says what was decided. Only cloth that starts where its pieces were placed, among bodies that stand, has
- * a coarse mesh. Where the coarse cloth does not come out well, or crosses itself once carried up, all begins
- * anew without. AUTO leaves it out for now: with 12 iterations on the coarse mesh a shirt of 9 906 triangles
- * takes 0.8 of the time to rest, a dress of 29 883 takes 1.2. */
+/* Whether the cloth is sewn and draped on an automatically coarsened mesh first, of about a quarter of
+ * its triangles (solver/coarsen.h), and begins from there. The result is of the whole mesh either way;
+ * the report's plan says what was decided. Only cloth that starts where its pieces were placed, among
+ * bodies that stand, has a coarse mesh. Where the coarse cloth does not come out well, or crosses itself
+ * once carried up, all begins anew without. AUTO leaves it out for now: with 12 iterations on the coarse
+ * mesh a shirt of 9 906 triangles takes 0.8 of the time to rest, a dress of 29 883 takes 1.2. */
 typedef enum drape_coarse { DRAPE_COARSE_AUTO = 0, DRAPE_COARSE_ON, DRAPE_COARSE_OFF } drape_coarse;
 
 /* A tape along edges of the cloth: a bar on each, of rest length R = factor times the edge's pattern length
@@ -418,6 +418,19 @@ typedef struct drape_progress {
  * drape_sim_cancel. Nonzero cancels. */
 typedef int drape_progress_fn(const drape_progress *progress, void *data);
 
+/* What the coarse cloth of drape_coarse came to: a first look at the drape, long before it rests. All is lent
+ * until the callback returns. */
+typedef struct drape_preview {
+    size_t vertices, triangles, seams;
+    const double *positions;  /* 3*vertices */
+    const uint32_t *vertex;   /* vertices: of the scene's, each */
+    const uint32_t *triangle; /* 3*triangles, of these vertices */
+    const uint32_t *seam;     /* 2*seams, likewise */
+} drape_preview;
+
+/* Runs on the solving thread, once at most, before the whole cloth begins from there. */
+typedef void drape_preview_fn(const drape_preview *preview, void *data);
+
 typedef struct drape_options {   /* start from drape_options_default() */
     drape_method method;         /* DRAPE_METHOD_AUTO */
     drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
@@ -435,6 +448,8 @@ typedef struct drape_options {   /* start from drape_options_default() */
     drape_analyses *analyses;    /* to take from and to add to, which must outlive the sim; may be NULL */
     drape_progress_fn *progress; /* may be NULL */
     void *progress_data;
+    drape_preview_fn *preview; /* may be NULL */
+    void *preview_data;
 } drape_options;
 
 /* The time limit. The clock is looked at between iterations and before each factorisation, the long part of

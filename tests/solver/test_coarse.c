@@ -149,6 +149,58 @@ static void test_coarse__the_same_input_gives_the_same_bytes(void **state)
     drape_analyses_free(analyses);
 }
 
+struct seen {
+    struct example *e;
+    unsigned previews, draped; /* rows of the whole cloth so far */
+};
+
+static void look(const drape_preview *preview, void *data)
+{
+    struct seen *seen = data;
+    assert_int_equal(seen->previews++, 0);
+    assert_int_equal(seen->draped, 0); /* it comes before the whole cloth begins */
+    assert_true(preview->triangles > 0 && preview->triangles < seen->e->desc.triangles / 3);
+    assert_true(preview->seams > 0 && preview->seams < seen->e->desc.seams);
+    for (size_t s = 0; s < preview->seams; s++) /* sewn */
+        assert_memory_equal(preview->positions + 3 * (size_t)preview->seam[2 * s],
+                            preview->positions + 3 * (size_t)preview->seam[2 * s + 1], 3 * sizeof(double));
+    for (size_t i = 0; i < 3 * preview->triangles; i++)
+        assert_in_range(preview->triangle[i], 0, preview->vertices - 1);
+    for (size_t v = 0; v < preview->vertices; v++) {
+        const double *p = seen->e->pattern + 2 * (size_t)preview->vertex[v], *x = preview->positions + 3 * v;
+        assert_in_range(preview->vertex[v], 0, seen->e->desc.vertices - 1);
+        assert_near(x[0], p[0], 0.05, 1); /* along the beam it stays where it was */
+        assert_true(hypot(x[1], x[2]) > 0.04);
+    }
+}
+
+static int count_rows(const drape_progress *progress, void *data)
+{
+    ((struct seen *)data)->draped += progress->phase == DRAPE_PHASE_DRAPING;
+    return 0;
+}
+
+static void test_coarse__it_is_shown_before_the_whole_cloth_begins(void **state)
+{
+    (void)state;
+    for (int on = 0; on < 2; on++) {
+        struct example e;
+        drape_scene *scene;
+        struct seen seen = {&e, 0, 0};
+        make(&e, 10);
+        e.options.max_iterations = 3;
+        e.options.progress = count_rows;
+        e.options.preview = look;
+        e.options.progress_data = e.options.preview_data = &seen;
+        e.desc.coarse = on ? DRAPE_COARSE_ON : DRAPE_COARSE_OFF;
+        drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+        assert_int_equal(seen.previews, on);
+        assert_int_equal(seen.draped, 4);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+}
+
 /* A sheet of some stiffness hung by an edge has one state of rest. */
 static void test_coarse__the_rest_is_that_of_the_whole_mesh(void **state)
 {
@@ -376,6 +428,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_coarse__a_garment_is_sewn_coarse_and_says_so),
         cmocka_unit_test(test_coarse__the_same_input_gives_the_same_bytes),
+        cmocka_unit_test(test_coarse__it_is_shown_before_the_whole_cloth_begins),
         cmocka_unit_test(test_coarse__the_rest_is_that_of_the_whole_mesh),
         cmocka_unit_test(test_coarse__what_is_left_out_says_why),
         cmocka_unit_test(test_coarse__any_method_may_begin_from_it),
