@@ -91,7 +91,7 @@ struct http_answer *answer_json(int status, json_t *json);
 /* ---- handlers ------------------------------------------------------------------------------------ */
 
 /* api_jobs.c */
-call_fn job_post, job_list, job_get, job_delete, job_result, job_trace;
+call_fn job_post, job_list, job_get, job_delete, job_result, job_trace, job_preview;
 /* The body of a job as it stands, wherever it is. On the clerk's or the reader's thread. 0, STORE_NONE,
  * STORE_GONE, or -1 with *reterr; job_refuse_unknown answers with what was not 0. */
 int job_look_up(struct api *api, const char *owner, const char *id, char **ret_body,

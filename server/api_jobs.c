@@ -679,3 +679,31 @@ void job_trace(struct call *call)
 {
     send_representation(call, trace_table, sizeof trace_table / sizeof *trace_table);
 }
+
+/* ---- the preview --------------------------------------------------------------------------------------- */
+
+/* From memory while the job runs; the store only knows whether there is such a job. */
+void job_preview(struct call *call)
+{
+    struct problem problem;
+    struct revision revision;
+    char *glb, *body, tag[SHA256_SIZE + 24];
+    size_t bytes;
+    uint32_t attempt;
+    bool ended;
+    int found = queue_preview(call->api->queue, call->owner, call->id, &glb, &bytes, &attempt);
+    if (found == 0) {
+        snprintf(tag, sizeof tag, "%s-%" PRIu32 "-preview", call->id, attempt);
+        struct representing as = {tag, CODING_IDENTITY, "Accept", "no-cache"};
+        represent_send(call, http_answer_bytes(200, "model/gltf-binary", glb, bytes), &as);
+    } else if (found != QUEUE_NONE) {
+        http_send(call->request, NULL);
+    } else if ((found = job_look_up(call->api, call->owner, call->id, &body, &revision, &ended, &problem)) !=
+               0) {
+        job_refuse_unknown(call, found, &problem);
+    } else {
+        free(body);
+        call_refuse(call, PROBLEM_NOT_FOUND,
+                    ended ? "The job has ended: see its result." : "The job has no preview yet.");
+    }
+}

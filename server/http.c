@@ -726,12 +726,14 @@ static struct http_answer *wrap(int status, const char *type, struct MHD_Respons
 
 struct http_answer *http_answer_text(int status, const char *type, char *text)
 {
-    if (text == NULL)
-        return NULL;
-    size_t bytes = strlen(text);
-    struct MHD_Response *response = MHD_create_response_from_buffer(bytes, text, MHD_RESPMEM_MUST_FREE);
+    return text == NULL ? NULL : http_answer_bytes(status, type, text, strlen(text));
+}
+
+struct http_answer *http_answer_bytes(int status, const char *type, void *data, size_t bytes)
+{
+    struct MHD_Response *response = MHD_create_response_from_buffer(bytes, data, MHD_RESPMEM_MUST_FREE);
     if (response == NULL)
-        free(text);
+        free(data);
     return wrap(status, type, response, bytes);
 }
 

@@ -115,6 +115,7 @@ void http_send_problem(struct http_request *request, const struct problem *probl
 
 /* All return NULL when out of memory, freeing what they were given. `type` NULL: no Content-Type. */
 struct http_answer *http_answer_text(int status, const char *type, char *text); /* malloc'd; taken */
+struct http_answer *http_answer_bytes(int status, const char *type, void *data, size_t bytes); /* likewise */
 struct http_answer *http_answer_static(int status, const char *type, const void *data, size_t bytes);
 struct http_answer *http_answer_empty(int status);
 /* Makes a 304 of an answer of 200: its length is told, its body stays. */

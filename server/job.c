@@ -178,8 +178,12 @@ static void write_members(FILE *out, const struct job *job, size_t position)
     write_json(out, "error", job->error, "null");
     fprintf(out,
             ",\"links\":{\"self\":\"/v1/jobs/%s\",\"events\":\"/v1/jobs/%s/events\","
-            "\"result\":\"/v1/jobs/%s/result\",\"trace\":\"/v1/jobs/%s/trace\"}}",
+            "\"result\":\"/v1/jobs/%s/result\",\"trace\":\"/v1/jobs/%s/trace\",\"preview\":",
             job->id, job->id, job->id, job->id);
+    if (job->preview)
+        fprintf(out, "\"/v1/jobs/%s/preview\"}}", job->id);
+    else
+        fputs("null}}", out);
 }
 
 char *job_body(const struct job *job, size_t position)

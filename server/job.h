@@ -50,6 +50,7 @@ struct job { /* owns its texts; zero-initialise; job_done empties it */
     int64_t created_ms;  /* wall time */
     int64_t started_ms;  /* of this attempt; 0: not yet */
     int64_t finished_ms; /* 0: not yet */
+    bool preview;        /* there is one now; never of an ended job */
     char *name;          /* NULL: none */
     char *labels;        /* JSON object, or NULL */
     char *warnings;      /* JSON array of what the job does that is hardly meant, or NULL: none */

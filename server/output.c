@@ -14,6 +14,7 @@
 #include "files.h"
 #include "fitmap.h"
 #include "groups.h"
+#include "memout.h"
 #include "plot.h"
 
 /* What every writer below may need; nothing in it is changed by them. */
@@ -364,4 +365,39 @@ int output_write(int dirfd, const struct job_spec *spec, const drape_report *rep
     fitmap_done(&map);
     free(output.normals);
     return rc;
+}
+
+/* ---- the preview ------------------------------------------------------------------------------ */
+
+char *output_preview(const struct job_spec *spec, const drape_preview *preview, size_t *ret_bytes)
+{
+    drape_scene_desc scene = {.vertices = preview->vertices,
+                              .triangles = preview->triangles,
+                              .triangle = preview->triangle,
+                              .seams = preview->seams,
+                              .seam = preview->seam};
+    struct mesh mesh = {.positions = (double *)(uintptr_t)preview->positions, /* only read, as the next */
+                        .triangle = (uint32_t *)(uintptr_t)preview->triangle,
+                        .pattern = malloc(2 * preview->vertices * sizeof *mesh.pattern),
+                        .vertices = preview->vertices,
+                        .triangles = preview->triangles};
+    double *normals = make_normals(&scene, preview->positions);
+    struct memout memout;
+    FILE *file = mesh.pattern && normals ? memout_open(&memout) : NULL;
+    char *glb = NULL;
+    for (size_t v = 0; file && v < mesh.vertices; v++)
+        memcpy(mesh.pattern + 2 * v, spec->cloth.pattern + 2 * (size_t)preview->vertex[v],
+               2 * sizeof *mesh.pattern);
+    if (file) {
+        int failed = meshfile_write_glb(file, &mesh, normals, NULL, spec->name);
+        fclose(file);
+        glb = memout_take(&memout, ret_bytes);
+        if (failed) {
+            free(glb);
+            glb = NULL;
+        }
+    }
+    free(mesh.pattern);
+    free(normals);
+    return glb;
 }

@@ -23,4 +23,7 @@
 int output_write(int dirfd, const struct job_spec *spec, const drape_report *report, const double *positions,
                  const drape_fit *fit, const drape_row *row, size_t rows, struct problem *reterr);
 
+/* A first look at a drape of the job, as a GLB; malloc'd, NULL when out of memory. */
+char *output_preview(const struct job_spec *spec, const drape_preview *preview, size_t *ret_bytes);
+
 #endif

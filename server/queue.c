@@ -42,6 +42,8 @@ struct item {           /* a job that has not ended: in the tree, and in the lin
     int64_t accepted_ms; /* monotonic */
     int64_t started_ms;  /* monotonic */
     atomic_bool stop;
+    char *preview; /* a GLB, malloc'd; NULL: none yet */
+    size_t preview_bytes;
 };
 
 struct queue {
@@ -92,6 +94,7 @@ static void free_item(struct item *item) /* NULL is fine */
         return;
     job_done(&item->job);
     stream_release(item->stream);
+    free(item->preview);
     free(item);
 }
 
@@ -194,6 +197,20 @@ static void on_progress(char *json, void *data)
     item->job.progress = json;
     item->job.revision.counter++;
     publish(queue, item, STREAM_PROGRESS);
+    pthread_mutex_unlock(&queue->lock);
+}
+
+static void on_preview(char *glb, size_t bytes, void *data)
+{
+    struct item *item = data;
+    struct queue *queue = item->queue;
+    pthread_mutex_lock(&queue->lock);
+    free(item->preview);
+    item->preview = glb;
+    item->preview_bytes = bytes;
+    item->job.preview = true;
+    item->job.revision.counter++;
+    publish(queue, item, STREAM_PREVIEW);
     pthread_mutex_unlock(&queue->lock);
 }
 
@@ -316,6 +333,14 @@ static void show_end(struct queue *queue, struct item *item)
     publish(queue, item, STREAM_STATE);
 }
 
+/* The attempt that it was of is over. */
+static void drop_preview(struct item *item)
+{
+    free(item->preview);
+    item->preview = NULL;
+    item->job.preview = false;
+}
+
 /* From a solved job to its end in the store and here. */
 static void finish_job(struct queue *queue, struct item *item, struct solve_outcome *outcome)
 {
@@ -339,6 +364,7 @@ static void finish_job(struct queue *queue, struct item *item, struct solve_outc
         item->job.status = status;
         item->job.finished_ms = end.finished_ms;
         item->job.revision = end.revision;
+        drop_preview(item);
         show_end(queue, item);
     } else {
         queue->running--; /* it stays as it was in the store: the next start recovers it */
@@ -356,7 +382,7 @@ static void work_on(struct queue *queue, struct job *job)
     struct solve_task task = {
         queue->setup.store,    queue->setup.limits,   job->owner,  job->id,
         job->revision.attempt, &item->stop,           on_progress, item,
-        queue->setup.fields,   queue->setup.analyses,
+        queue->setup.fields,   queue->setup.analyses, on_preview,
     };
     struct solve_outcome outcome;
     solve_job(&task, &outcome);
@@ -593,6 +619,23 @@ int queue_body(struct queue *queue, const char *owner, const char *id, char **re
         *ret_body = body_of(queue, item);
         *ret_revision = item->job.revision;
         result = *ret_body == NULL ? -1 : 0;
+    }
+    pthread_mutex_unlock(&queue->lock);
+    return result;
+}
+
+int queue_preview(struct queue *queue, const char *owner, const char *id, char **ret, size_t *ret_bytes,
+                  uint32_t *ret_attempt)
+{
+    int result = QUEUE_NONE;
+    pthread_mutex_lock(&queue->lock);
+    const struct item *item = find(queue, owner, id);
+    if (item != NULL && item->preview != NULL) {
+        if ((*ret = malloc(item->preview_bytes)) != NULL)
+            memcpy(*ret, item->preview, item->preview_bytes);
+        *ret_bytes = item->preview_bytes;
+        *ret_attempt = item->job.revision.attempt;
+        result = *ret == NULL ? -1 : 0;
     }
     pthread_mutex_unlock(&queue->lock);
     return result;

@@ -41,6 +41,7 @@ static const struct route route_table[] = {
     {ROUTES_API, "GET", "/v1/events", ON_CLERK, NO_BODY, "text/event-stream", NULL,
      jobs_events}, /* many jobs */
     {ROUTES_API, "GET", "/v1/jobs/{id}/result", ON_CLERK, NO_BODY, NULL, "format", job_result},
+    {ROUTES_API, "GET", "/v1/jobs/{id}/preview", ON_CLERK, NO_BODY, "model/gltf-binary", "", job_preview},
     {ROUTES_API, "GET", "/v1/jobs/{id}/trace", ON_CLERK, NO_BODY, NULL, "format", job_trace},
     {ROUTES_API, "POST", "/v1/meshes", ON_READER, MESH_BODY, JSON, "", mesh_post},
     {ROUTES_API, "PUT", "/v1/meshes/{sha256}", ON_READER, MESH_BODY, JSON, "", mesh_put},

@@ -41,6 +41,16 @@ static int on_progress(const drape_progress *progress, void *data)
     return atomic_load(run->task->stop);
 }
 
+/* Without memory there is no preview, and the drape goes on. */
+static void on_preview(const drape_preview *preview, void *data)
+{
+    struct run *run = data;
+    size_t bytes;
+    char *glb = run->task->preview != NULL ? output_preview(run->spec, preview, &bytes) : NULL;
+    if (glb != NULL)
+        run->task->preview(glb, bytes, run->task->data);
+}
+
 static int load(struct run *run, struct problem *reterr)
 {
     const struct solve_task *task = run->task;
@@ -84,6 +94,8 @@ static drape_status drape(struct run *run, struct problem *reterr)
     drape_options options = run->spec->options;
     options.progress = on_progress;
     options.progress_data = run;
+    options.preview = on_preview;
+    options.preview_data = run;
     options.analyses = run->task->analyses;
     options.memory_limit = run->task->limits->job_memory;
     drape_status status = share_fields(run, &error);

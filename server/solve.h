@@ -26,6 +26,8 @@ struct solve_task {
     void *data;
     struct fields *fields;           /* NULL: the job builds the distance fields of its bodies for itself */
     struct drape_analyses *analyses; /* NULL: the job analyses its matrices for itself */
+    /* Likewise a first look at the drape, as a GLB, which it takes; once at most. May be NULL. */
+    void (*preview)(char *glb, size_t bytes, void *data);
 };
 
 enum solve_end { SOLVE_DONE = 0, SOLVE_STOPPED, SOLVE_FAILED };

@@ -82,7 +82,7 @@ struct hub {
     bool closed;
 };
 
-static const char *const kind_name[] = {"state", "progress", "end"};
+static const char *const kind_name[] = {"state", "progress", "preview", "end"};
 
 struct hub *hub_new(size_t max_followers, size_t max_of_owner)
 {

@@ -1,9 +1,10 @@
 /* stream.h - the numbered events of each job, and those who follow them, as server-sent events.
  *
- * A job's stream keeps its last few `state` events and its newest `progress`. A follower has for each of its
- * jobs a revision, the newest it has seen, and is given what is newer, in order. Progress that a slow or
- * broken connection missed is not kept, by design; states are, and for a minute beyond the job's end. Every
- * event carries the whole job as GET would show it, so one event is enough to know where things stand.
+ * A job's stream keeps its last few `state` events, a `preview` among them, and its newest `progress`. A
+ * follower has for each of its jobs a revision, the newest it has seen, and is given what is newer, in order.
+ * Progress that a slow or broken connection missed is not kept, by design; states are, and for a minute
+ * beyond the job's end. Every event carries the whole job as GET would show it, so one event is enough to
+ * know where things stand.
  *
  * The id of an event is what its follower has been told by then. For one job that is the revision, "1.5"; for
  * several it is a list of job=revision with commas in between, without the jobs of which nothing was told.
@@ -23,7 +24,7 @@ struct hub;
 struct stream;
 struct follower;
 
-enum stream_kind { STREAM_STATE = 0, STREAM_PROGRESS, STREAM_END };
+enum stream_kind { STREAM_STATE = 0, STREAM_PROGRESS, STREAM_PREVIEW, STREAM_END };
 
 #define STREAM_HEARTBEAT_MS 15000
 

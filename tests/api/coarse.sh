@@ -24,5 +24,57 @@ json 'nothing is coarse' '(.report.coarse == {triangles: 0, iterations: 0, facto
     and (.report.plan.left_out | any(.[]; .name == "coarse" and .reason == "switched off"))'
 drape 'one left to itself' auto '.solver.max_iterations = 2'
 json 'is draped whole' '.report.plan.left_out | any(.[]; .name == "coarse" and (.reason | startswith("auto: ")))'
+
+# ---- the preview -----------------------------------------------------------------------------------
+
+glb_triangles() { # of the file's first chunk, which is JSON
+    python3 -c 'import json, struct, sys
+data = open(sys.argv[1], "rb").read()
+gltf = json.loads(data[20:20 + struct.unpack_from("<I", data, 12)[0]])
+primitive = gltf["meshes"][0]["primitives"][0]
+print(gltf["accessors"][primitive["indices"]]["count"] // 3, " ".join(sorted(primitive["attributes"])))' "$1"
+}
+slow='.solver.tolerance = 1e-12 | .solver.max_iterations = 100000' # it is cancelled
+
+endless 8 >"$work/job"
+submit "$work/job"
+request GET "/v1/jobs/$id/preview"
+problem 'a job without a coarse mesh has no preview' 404 not-found
+like 'and is told so' "$(jq -r .detail "$body")" 'no preview yet'
+request GET "/v1/jobs/$id"
+json 'nor a link to it' '.links | has("preview") and .preview == null'
+request DELETE "/v1/jobs/$id"
+check 'it is cancelled' wait_for "$id" canceled 60
+
+build/drape example garment --triangles 2400 | jq -c ".solver.coarse = \"on\" | $slow" >"$work/job"
+submit "$work/job"
+timeout 120 curl -sN "$url/v1/jobs/$id/events" | sed '/^event: preview/q' >"$work/stream"
+event=$(tail -n 1 "$work/stream")
+is 'the preview is an event' "$event" 'event: preview'
+check 'while the job runs' bash -c '! grep -q "^event: end" "$1"' - "$work/stream"
+request GET "/v1/jobs/$id"
+json 'the job links to it' '.status == "running" and .links.preview == .links.self + "/preview"'
+request GET "/v1/jobs/$id/preview"
+is 'it is there' "$code $(header content-type)" '200 model/gltf-binary'
+like 'a quarter of the triangles, with normals and the pattern' "$(glb_triangles "$body")" \
+    '^(4[5-9].|[5-7]..|8[0-4].) NORMAL POSITION TEXCOORD_0$'
+etag=$(header etag)
+request GET "/v1/jobs/$id/preview" -H "If-None-Match: $etag"
+is 'it is not sent again' "$code $(header etag)" "304 $etag"
+request HEAD "/v1/jobs/$id/preview"
+is 'its head tells as much' "$code $(header etag)" "200 $etag"
+request GET "/v1/jobs/$id/preview" -H 'Accept: text/html'
+problem 'it comes as GLB only' 406 not-acceptable
+request GET "/v1/jobs/$id/preview?format=obj"
+problem 'and takes no arguments' 400 bad-request
+timeout 5 curl -sN "$url/v1/jobs/$id/events" -H 'Last-Event-ID: 1.2' >"$work/stream"
+is 'who was cut off before it gets the event' "$(grep -c '^event: preview' "$work/stream")" 1
+request DELETE "/v1/jobs/$id"
+check 'the job is cancelled' wait_for "$id" canceled 60
+json 'the link is gone' '.links.preview == null'
+request GET "/v1/jobs/$id/preview"
+problem 'and so is the preview' 404 not-found
+request GET "/v1/jobs/00000000000000000000000000000000/preview"
+problem 'no job, no preview' 404 not-found
 stop_daemon
 finish

@@ -78,8 +78,10 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     assert_true(json_is_null(json_object_get(json, "trace_id")));
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 0);
     assert_string_equal(json_string_value(json_object_get(json, "priority")), "normal");
+    assert_true(json_is_null(json_object_get(json_object_get(json, "links"), "preview")));
     json_decref(json);
     job.priority = JOB_PRIORITY_LOW;
+    job.preview = true;
     char warnings[] = "[{\"pointer\":\"/cloth/seams/0\",\"detail\":\"crossed\"}]";
     job.warnings = warnings;
     memset(job.trace_id, 'a', sizeof job.trace_id - 1);
@@ -87,6 +89,8 @@ static void test_job__body_has_every_member_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(json, "trace_id")), job.trace_id);
     assert_int_equal(json_array_size(json_object_get(json, "warnings")), 1);
     assert_string_equal(json_string_value(json_object_get(json, "priority")), "low");
+    assert_string_equal(json_string_value(json_object_get(json_object_get(json, "links"), "preview")),
+                        "/v1/jobs/0123456789abcdef0123456789abcdef/preview");
     json_decref(json);
 }
 

@@ -11,6 +11,7 @@
 #include <time.h>
 
 #include "keys.h"
+#include "output.h"
 #include "schema.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -169,6 +170,21 @@ static int try_progress(struct problem *reterr)
     return without_json(schema_progress_json(&progress, &options), reterr);
 }
 
+/* Two triangles sewn along a side. */
+static int try_preview(struct problem *reterr)
+{
+    static double pattern[] = {0, 0, 1, 0, 0, 1, 0, 0, 0, 1, -1, 0};
+    static const double positions[] = {0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0};
+    static const uint32_t vertex[] = {0, 1, 2, 3, 4, 5}, seam[] = {0, 3, 2, 4};
+    struct job_spec spec = {.cloth = {.pattern = pattern, .vertices = 6}};
+    drape_preview preview = {6, 2, 2, positions, vertex, vertex, seam};
+    size_t bytes;
+    char *glb = output_preview(&spec, &preview, &bytes);
+    bool made = glb != NULL;
+    free(glb);
+    return made ? 0 : problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
+}
+
 static int try_materials(struct problem *reterr)
 {
     return without_json(schema_materials_json(), reterr);
@@ -225,6 +241,7 @@ SWEEP(ply)
 SWEEP(json)
 SWEEP(report)
 SWEEP(progress)
+SWEEP(preview)
 SWEEP(materials)
 
 /* ---- what hostile documents hold ------------------------------------------------------------------- */
@@ -546,6 +563,7 @@ int main(void)
         cmocka_unit_test(test_memory__json_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__report_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__progress_gives_an_error_for_each_allocation),
+        cmocka_unit_test(test_memory__preview_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__materials_gives_an_error_for_each_allocation),
         cmocka_unit_test(test_memory__hostile_jobs_hold_no_more_than_they_may),
         cmocka_unit_test(test_memory__jobs_at_their_limits_hold_no_more_than_they_may),

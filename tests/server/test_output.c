@@ -259,6 +259,30 @@ static void test_output__mesh_files_read_back(void **state)
     }
 }
 
+/* Of the second triangle alone, its vertices in another order, sewn to a copy of one of its own. */
+static void test_output__a_preview_is_a_mesh_of_its_own(void **state)
+{
+    struct fixture *f = *state;
+    static const double positions[] = {0, 0, 2, 0, 1, 0, 0, 0, 1, 9, 9, 9};
+    static const uint32_t vertex[] = {5, 4, 3, 0}, triangle[] = {2, 0, 1}, seam[] = {2, 3};
+    static const double pattern[] = {0, 1, -1, 0, 0, 0, 0, 0};
+    const drape_preview preview = {4, 1, 1, positions, vertex, triangle, seam};
+    struct mesh mesh = {0};
+    struct problem problem;
+    size_t bytes = 0;
+    char *glb = output_preview(f->spec, &preview, &bytes);
+    assert_non_null(glb);
+    if (meshfile_parse(MESH_GLB, glb, bytes, &limits_default, &mesh, &problem))
+        fail_msg("%s", problem.detail);
+    assert_int_equal(mesh.vertices, 4);
+    assert_int_equal(mesh.triangles, 1);
+    assert_memory_equal(mesh.positions, positions, sizeof positions); /* small integers */
+    assert_memory_equal(mesh.triangle, triangle, sizeof triangle);
+    assert_memory_equal(mesh.pattern, pattern, sizeof pattern);
+    mesh_done(&mesh);
+    free(glb);
+}
+
 static int write_fit(struct fixture *f)
 {
     struct problem problem;
@@ -505,6 +529,7 @@ int main(void)
         TEST(test_output__result_json_has_the_members_of_the_contract),
         TEST(test_output__normals_are_weighted_by_area_and_smooth_across_seams),
         TEST(test_output__mesh_files_read_back),
+        TEST(test_output__a_preview_is_a_mesh_of_its_own),
         TEST(test_output__the_fit_is_in_the_json_where_asked_for),
         TEST(test_output__glb_and_ply_carry_the_fit_by_vertex),
         TEST(test_output__trace_csv_is_as_the_contract_has_it),

@@ -109,6 +109,20 @@ static void test_stream__a_resumed_follower_gets_every_newer_state_and_the_newes
     follower_free(f);
 }
 
+static void test_stream__a_preview_is_kept_as_states_are(void **state)
+{
+    struct rig *rig = *state;
+    char text[4096];
+    stream_publish(rig->stream, STREAM_STATE, at(1, 1), "\"running\"");
+    stream_publish(rig->stream, STREAM_PREVIEW, at(1, 2), "\"look\"");
+    stream_publish(rig->stream, STREAM_PROGRESS, at(1, 3), "\"p3\"");
+    struct follower *f = follow(rig, at(1, 1), at(1, 3));
+    assert_int_equal(pull_all(f, text), 0);
+    assert_string_equal(text, "retry: 3000\n\nid: 1.2\nevent: preview\ndata: \"look\"\n\n"
+                              "id: 1.3\nevent: progress\ndata: \"p3\"\n\n");
+    follower_free(f);
+}
+
 static void test_stream__an_attempt_later_numbers_still_rise(void **state)
 {
     struct rig *rig = *state;
@@ -459,6 +473,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_stream__a_fresh_follower_begins_with_what_stands_now),
         TEST(test_stream__a_resumed_follower_gets_every_newer_state_and_the_newest_progress),
+        TEST(test_stream__a_preview_is_kept_as_states_are),
         TEST(test_stream__an_attempt_later_numbers_still_rise),
         TEST(test_stream__old_states_make_room_for_new_ones),
         TEST(test_stream__the_end_is_the_last_that_is_sent),
