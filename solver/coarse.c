@@ -116,6 +116,7 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
     double began = dr_clock();
     drape_sim *coarse = NULL;
     drape_options options = options_of(sim);
+    drape_error error; /* of the coarse run, which may fail without harm */
     *ret_carried = false;
     if (!(options.time_limit > 0))
         return DRAPE_OK;
@@ -123,13 +124,15 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
     if (status < 0)
         return status;
     coarse->held_outside = dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
-    status = drape_sim_run(coarse, reterr);
+    status = drape_sim_run(coarse, &error);
     if (status >= 0) {
         account(sim, coarse);
         if (came_out_well(coarse) || dr_sim_interrupted(sim))
             status = carry(sim, coarse, ret_carried, reterr);
     } else if (status == DRAPE_ENUMERIC) {
         status = DRAPE_OK; /* without, then */
+    } else if (reterr) {
+        *reterr = error;
     }
     if (*ret_carried) {
         show(sim, coarse);

@@ -686,7 +686,8 @@ static double mean_edge(const struct dr_mesh *mesh)
     return sqrt(4 / sqrt(3) * area / (double)mesh->triangles);
 }
 
-/* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. */
+/* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. What a fine mesh
+ * may have, a coarse one has, too: should it be refused all the same, nobody is told but by the plan. */
 static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
 {
     drape_scene_desc desc = scene->coarse->desc;
@@ -699,10 +700,11 @@ static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
     }
     desc.body = body;
     desc.coarse = DRAPE_COARSE_OFF;
-    drape_status status = drape_scene_new(&desc, &scene->coarse_scene, reterr);
+    drape_error error;
+    drape_status status = drape_scene_new(&desc, &scene->coarse_scene, &error);
     free(body);
     dr_coarse_strip(scene->coarse);
-    return status;
+    return status == DRAPE_ENOMEM ? dr_out_of_memory(reterr) : status;
 }
 
 static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
