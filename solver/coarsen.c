@@ -530,7 +530,7 @@ static void free_coarsening(struct coarsening *c)
 static bool allocate(struct coarsening *c)
 {
     size_t v = c->desc->vertices, t = c->desc->triangles;
-    c->triangle = malloc(3 * t * sizeof *c->triangle);
+    c->triangle = calloc(3 * t, sizeof *c->triangle);
     c->first = malloc(v * sizeof *c->first);
     c->next = malloc(3 * t * sizeof *c->next);
     c->node = malloc(v * sizeof *c->node);
@@ -739,7 +739,7 @@ drape_status dr_coarsen(const drape_scene_desc *desc, double edge, struct dr_coa
                         drape_error *reterr)
 {
     struct coarsening c = {.desc = desc, .edge = edge};
-    uint32_t *number = malloc(desc->vertices * sizeof *number);
+    uint32_t *number = calloc(desc->vertices, sizeof *number);
     struct dr_coarse *coarse = calloc(1, sizeof *coarse);
     bool made = allocate(&c) && number && coarse;
     if (made) {
