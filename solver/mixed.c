@@ -407,13 +407,11 @@ static void scale_step(struct dr_state *s, double scale)
     look_at_gaps(s);
 }
 
-/* Shortens the moves of only those nodes that would run into one another. A pair that is all but shut would
- * hold the whole cloth: each step closes a part of what is left, and the next one is scaled down to less. */
-static void hold_single(struct dr_state *s)
+/* RESIDUAL and TOUCHING of a step that is not conjugate gradients' own. */
+static void find_model_residual(struct dr_state *s)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *r = s->extra[RESIDUAL], *dropped = s->extra[DROPPED];
-    dr_self_clip(s->cloth->self, s->x, s->w);
     memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
     if (s->corrected)
         dr_cloth_left_out(s->cloth, s->x, s->w, dropped);
@@ -422,6 +420,27 @@ static void hold_single(struct dr_state *s)
     for (size_t i = 0; i < 3 * mesh->nodes; i++)
         r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i] - dropped[i];
     look_at_gaps(s);
+}
+
+/* Newton's method on the gaps may have ended so early that its step climbs from the start, however short:
+ * then what the factor makes of the force is the step. */
+static drape_status descend(struct dr_state *s, drape_error *reterr)
+{
+    if (dr_state_dot(s, s->f, s->w) > 0)
+        return DRAPE_OK;
+    drape_status status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
+    s->solves++;
+    if (status >= 0)
+        find_model_residual(s);
+    return status;
+}
+
+/* Shortens the moves of only those nodes that would run into one another. A pair that is all but shut would
+ * hold the whole cloth: each step closes a part of what is left, and the next one is scaled down to less. */
+static void hold_single(struct dr_state *s)
+{
+    dr_self_clip(s->cloth->self, s->x, s->w);
+    find_model_residual(s);
 }
 
 /* Scales a step down that is too long for the model to hold, beyond `limit` of second-order strain. False: it
@@ -649,6 +668,8 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
     s->row.time_step = s->h;
     if (status >= 0 && s->gaps)
         status = touch(s, reterr);
+    if (status >= 0 && s->gaps)
+        status = descend(s, reterr);
     if (status < 0)
         return status;
     if (s->gaps)
