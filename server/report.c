@@ -218,6 +218,14 @@ static json_t *sewing_json(const drape_report *report)
     return finish(object, failed);
 }
 
+static json_t *work_json(const drape_work *work)
+{
+    json_t *object = json_object();
+    int failed = json_object_set_new(object, "factor_flops", number(work->factor_flops));
+    failed |= json_object_set_new(object, "solve_bytes", number(work->solve_bytes));
+    return finish(object, failed);
+}
+
 static json_t *motion_json(const drape_report *report)
 {
     json_t *object = json_object();
@@ -333,6 +341,7 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "stops", count(report->stops));
     failed |= json_object_set_new(object, "factorizations", count(report->factorizations));
     failed |= json_object_set_new(object, "solves", count(report->solves));
+    failed |= json_object_set_new(object, "work", work_json(&report->work));
     failed |= json_object_set_new(object, "sewing", sewing_json(report));
     failed |= json_object_set_new(object, "motion", motion_json(report));
     failed |= json_object_set_new(object, "ramp", ramp_json(report));

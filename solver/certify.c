@@ -412,13 +412,14 @@ static void take_back(struct dr_state *s, struct dr_cloth *own)
 
 /* What the certificate took is its own affair: the method's counts and times stay the method's. */
 static void account(struct drape_sim *sim, double began, const double stage[DR_STAGES], uint32_t factors,
-                    uint32_t solves)
+                    uint32_t solves, drape_work work)
 {
     memcpy(sim->stage, stage, sizeof sim->stage);
     sim->stage[DR_STAGE_CERTIFY] += dr_clock() - began;
     sim->report.certificate.factorizations += sim->report.factorizations - factors;
     sim->report.factorizations = factors;
     sim->report.solves = solves;
+    sim->report.work = work;
 }
 
 drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *reterr)
@@ -427,6 +428,7 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
     struct polish p = {.s = s, .certificate = &sim->report.certificate, .before = INFINITY};
     size_t bytes = 3 * s->cloth->mesh->nodes * sizeof(double);
     uint32_t factors = sim->report.factorizations, solves = sim->report.solves;
+    drape_work work = sim->report.work;
     double began = dr_clock(), stage[DR_STAGES];
     struct dr_cloth *own;
     memcpy(stage, sim->stage, sizeof stage);
@@ -445,7 +447,7 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
     take_back(s, own);
     if (status >= 0 && p.escaped && s->method->matrix == DR_MATRIX_HINGES)
         status = dr_cloth_bend_whole(s->cloth, false, reterr);
-    account(sim, began, stage, factors, solves);
+    account(sim, began, stage, factors, solves, work);
     s->row.factorizations = row.factorizations;
     if (status >= 0 && !p.escaped && s->row.residual_force > sim->options.tolerance) {
         memcpy(s->x, rest, bytes); /* lower, but on its way */

@@ -546,6 +546,12 @@ typedef struct drape_stage { /* where the seconds went */
 
 #define DRAPE_MAX_STAGES 16
 
+/* What the stages "factorise" and "solve" had to do at least; 0 for rk4. */
+typedef struct drape_work {
+    double factor_flops; /* floating-point operations of the factorisations; one that failed counts whole */
+    double solve_bytes;  /* of the factor, read twice by each back-solve */
+} drape_work;
+
 #define DRAPE_NOT_COUNTED UINT32_MAX
 
 /* Valid after drape_sim_run returned >= 0. Plain data, no pointers to free. */
@@ -556,8 +562,8 @@ typedef struct drape_report {
     drape_stop_rule stop_on;     /* the rule that ran */
     drape_integrator integrator; /* the one that ran */
     uint32_t iterations, stops, factorizations, solves;
-    uint32_t sewing_iterations;                        /* of the coarse cloth where there is one */
-    size_t coarse_triangles;                           /* 0: there is no coarse cloth */
+    uint32_t sewing_iterations; /* of the coarse cloth where there is one */
+    size_t coarse_triangles;    /* 0: there is no coarse cloth */
     bool coarse_carried;        /* the cloth began from there; false: there is none, or it began anew */
     uint32_t coarse_iterations, coarse_factorizations; /* of draping and of all it took, beside those above */
     uint32_t motion_frames;                            /* steps in time while bodies moved; 0: none did */
@@ -585,6 +591,7 @@ typedef struct drape_report {
     double intersection[3];
     drape_term term[DRAPE_MAX_TERMS];
     size_t terms;
+    drape_work work;
     drape_stage stage[DRAPE_MAX_STAGES];
     size_t stages;
 } drape_report;

@@ -41,8 +41,10 @@ size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* of the factor, unt
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
 
-/* Floating-point operations of one factorisation, which the analysis has counted. */
+/* Floating-point operations of one factorisation, which the analysis has counted, and entries of the factor.
+ */
 double dr_matrix_flops(const struct dr_matrix *A);
+double dr_matrix_entries(const struct dr_matrix *A);
 
 /* What is the same at every step: mass_factor (1/s^2) times diag(mass), plus the bending stiffness given at
  * creation. */

@@ -56,6 +56,7 @@ drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret
     double assembled = dr_clock();
     status = dr_sim_factorise(sim, s->cloth, &factored, reterr);
     s->row.factorizations += factored != DR_NO_TIME;
+    sim->report.work.factor_flops += factored != DR_NO_TIME ? dr_matrix_flops(s->cloth->A) : 0;
     sim->stage[DR_STAGE_ASSEMBLE] += assembled - began;
     sim->stage[DR_STAGE_FACTORISE] += dr_clock() - assembled;
     *ret_definite = factored == DR_FACTORED;
@@ -73,6 +74,7 @@ drape_status dr_state_solve(struct dr_state *s, size_t count, const double *cons
     double began = dr_clock();
     bool solved = dr_matrix_solve(s->cloth->A, count, b, w);
     s->sim->report.solves += (uint32_t)count;
+    s->sim->report.work.solve_bytes += 2 * dr_matrix_entries(s->cloth->A) * sizeof(double);
     s->sim->stage[DR_STAGE_SOLVE] += dr_clock() - began;
     return solved ? DRAPE_OK : dr_out_of_memory(reterr);
 }

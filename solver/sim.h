@@ -36,7 +36,7 @@ struct drape_sim {
     size_t rows;
     double
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
-    size_t held_outside; /* bytes of another sim's that count against the limit, too */
+    size_t held_outside;         /* bytes of another sim's that count against the limit, too */
     drape_report report;
 };
 

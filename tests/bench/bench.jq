@@ -46,8 +46,8 @@ def shares: {title: "Where auto spends its seconds", text: "Share of each stage 
 def floors: $floor[0] as $best | {title: "Above the floor",
     text: "The floor: operations of the factorisations at dgemm's rate (\($best.dgemm_flops / 1e9 | digits(1)) GF/s here, one processor), bytes of the factor read twice by each back-solve at the rate of reading (\($best.stream_bytes / 1e9 | digits(1)) GB/s). Times the floor that auto's stages take, and that the whole takes.",
     head: ["scene", "factorisations", "back-solves", "floor: factorise, s", "solve, s", "factorise over its floor", "solve over its floor", "whole over both"],
-    rows: [$rows[] | . as $row | auto | .report | select(.factor_flops)
-        | (.factor_flops / $best.dgemm_flops) as $factor | (.solve_bytes / $best.stream_bytes) as $solve
+    rows: [$rows[] | . as $row | auto | .report | select(.work)
+        | (.work.factor_flops / $best.dgemm_flops) as $factor | (.work.solve_bytes / $best.stream_bytes) as $solve
         | [$row.scene, .factorizations, .solves, $factor, $solve, (.stages.factorise | over($factor)),
             (.stages.solve | over($solve)), (.seconds | over($factor + $solve))]]};
 

@@ -1231,6 +1231,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "stops",
                                           "factorizations",
                                           "solves",
+                                          "work",
                                           "sewing",
                                           "motion",
                                           "ramp",

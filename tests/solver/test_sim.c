@@ -175,6 +175,36 @@ static void test_sim__rows_tell_the_factorisations(void **state)
     assert_true(failed > 0); /* auto tried the blended matrix in vain: those count too */
 }
 
+/* Each factorisation and each back-solve of draping counts alike; those of the certificate do not, and
+ * without a matrix there are none. */
+static void test_sim__the_work_is_that_of_the_factor(void **state)
+{
+    (void)state;
+    drape_work work[4];
+    uint32_t factorizations[4];
+    for (int i = 0; i < 4; i++) {
+        struct example e;
+        make(&e);
+        e.options.method = DRAPE_METHOD_STOP_AND_GO;
+        e.options.integrator = i == 3 ? DRAPE_RK4 : DRAPE_BACKWARD_EULER;
+        e.options.max_iterations = i == 0 || i == 3 ? 3 : 2000;
+        e.options.certify = i == 2;
+        drape_scene *scene;
+        drape_sim *sim = run(&e, &scene, i == 0 || i == 3 ? DRAPE_NOT_AT_REST : DRAPE_OK);
+        const drape_report *report = drape_sim_report(sim);
+        work[i] = report->work;
+        factorizations[i] = report->factorizations;
+        if (i < 3) /* a lower triangle of SIDE (SIDE - 1) nodes at least, twice a solve */
+            assert_true(work[i].solve_bytes > 16.0 * 6 * SIDE * (SIDE - 1) * report->solves);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+    assert_true(factorizations[1] > factorizations[0]);
+    assert_close(work[0].factor_flops / factorizations[0], work[1].factor_flops / factorizations[1], 1e-12);
+    assert_true(work[2].factor_flops == work[1].factor_flops && work[2].solve_bytes == work[1].solve_bytes);
+    assert_true(work[3].factor_flops == 0 && work[3].solve_bytes == 0);
+}
+
 static void test_sim__zero_iterations_evaluate_the_start(void **state)
 {
     (void)state;
@@ -818,6 +848,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sim__hanging_square_comes_to_rest_and_says_so),
         cmocka_unit_test(test_sim__rows_tell_the_factorisations),
+        cmocka_unit_test(test_sim__the_work_is_that_of_the_factor),
         cmocka_unit_test(test_sim__zero_iterations_evaluate_the_start),
         cmocka_unit_test(test_sim__running_out_of_iterations_returns_the_lowest_state),
         cmocka_unit_test(test_sim__the_callback_cancels_within_its_iteration),
