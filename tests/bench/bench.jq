@@ -24,7 +24,7 @@ def ratio($method; $level): auto as $auto | .methods | map(select(.method == $me
 | def ratios: {title: "auto against the others",
     text: "Seconds of a method for one second of auto, until (E - E*)/(E0 - E*) stays below 1e-3 / 1e-6; \"-\": not in \($most) iterations or \($limit) s.",
     head: (["scene"] + $others),
-    rows: (if $rows == [] then [] else ($rows | map(. as $row | [.scene] + [$others[] as $m | both(. as $level | $row | ratio($m; $level))]))
+    rows: (if $rows == [] or $others == [] then [] else ($rows | map(. as $row | [.scene] + [$others[] as $m | both(. as $level | $row | ratio($m; $level))]))
         + [["geometric mean of those that get there"]
             + [$others[] as $m | both(. as $level | [$rows[] | ratio($m; $level)] | geometric_mean)]] end)};
 
