@@ -200,6 +200,7 @@ static int build_garment(size_t triangles, struct scene *scene, struct failure *
     scene->solver.time_step = 0.02;
     scene->solver.tolerance = 1e-2;
     scene->solver.max_iterations = 4000;
+    scene->solver.time_limit = 600; /* half a minute of one processor; of one that is shared, minutes */
     return 0;
 }
 
