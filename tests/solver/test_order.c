@@ -107,7 +107,7 @@ static int count_of(const struct graph *g, int rank)
 /* The largest connected part of what is left without the nodes of one rank. */
 static int largest_without(const struct graph *g, int rank)
 {
-    int *label = calloc((size_t)g->n, sizeof *label), *stack = calloc((size_t)g->n, sizeof *stack),
+    int *label = calloc((unsigned)g->n, sizeof *label), *stack = calloc((unsigned)g->n, sizeof *stack),
         largest = 0;
     for (int i = 0; i < g->n; i++) {
         int top = 0, size = 0;
