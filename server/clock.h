@@ -7,6 +7,7 @@
 #define CLOCK_TEXT_SIZE 32
 
 int64_t clock_monotonic_ms(void); /* never goes back; meaningless across restarts */
+double clock_monotonic_s(void);   /* likewise, to the nanosecond */
 int64_t clock_wall_ms(void);      /* since 1970, UTC; may jump */
 
 /* Wall time when the process started and what has passed since: for ages, which must not jump. */

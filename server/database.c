@@ -298,7 +298,7 @@ static bool spend_reserve(struct db *db)
 /* The error is noted when it gives -1. */
 static int try_once(struct db *db, db_work *work, void *data)
 {
-    int64_t started = clock_monotonic_ms();
+    double started = clock_monotonic_s();
     int result = db_run(db, SQL_BEGIN);
     if (result == 0)
         result = work(db, data);
@@ -308,7 +308,7 @@ static int try_once(struct db *db, db_work *work, void *data)
         note_error(db);
     if (!sqlite3_get_autocommit(db->connection))
         db_run(db, SQL_ROLLBACK);
-    metrics_observe(db->metrics, METRIC_COMMIT_SECONDS, (double)(clock_monotonic_ms() - started) / 1000);
+    metrics_observe(db->metrics, METRIC_COMMIT_SECONDS, clock_monotonic_s() - started);
     return result;
 }
 
