@@ -52,6 +52,7 @@ request GET "/v1/jobs/$queued/result"; problem 'a job cancelled in the queue has
 
 # Who hangs up gives the place back long before the time is up, and who only says no more is answered.
 connections() { curl -s "$admin/metrics" | sed -n 's/^draped_connections //p'; }
+for ((i = 0; i < 100; i++)); do [[ $(connections) == 0 ]] && break; sleep 0.05; done # of those before
 before=$(connections)
 for i in {1..20}; do
     timeout 1 curl -s "$url/v1/jobs/$second" -H 'Prefer: wait=25' >/dev/null &
