@@ -187,8 +187,7 @@ size_t line_position(const struct line *line, const struct place *place)
 size_t line_next(const struct line *line, const char *owner)
 {
     const struct share *share = find_share(line, owner);
-    const struct place *place = share == NULL ? NULL : first_place(share);
-    return place == NULL ? 0 : line_position(line, place);
+    return share == NULL || share->waiting == 0 ? 0 : line_position(line, first_place(share));
 }
 
 void line_heads(const struct line *line, void (*each)(const struct place *place, void *data), void *data)

@@ -260,6 +260,22 @@ static void test_line__positions_are_the_order_of_starts(void **state)
     assert_int_equal(line_next(rig->line, "nobody"), 0);
 }
 
+/* As while the jobs of a key are being committed: they are queued, and none is in the line yet. */
+static void test_line__an_owner_of_whom_nothing_waits_has_no_next_job(void **state)
+{
+    struct rig *rig = *state;
+    struct share *share = line_hold(rig->line, "a");
+    assert_non_null(share);
+    share->queued = 1;
+    assert_int_equal(line_next(rig->line, "a"), 0);
+    add(rig, "a", JOB_PRIORITY_LOW, 0);
+    assert_int_equal(line_next(rig->line, "a"), 1);
+    end(rig, take(rig)); /* the first hold is left */
+    assert_int_equal(line_next(rig->line, "a"), 0);
+    assert_null(take(rig));
+    line_let_go(rig->line, share);
+}
+
 static void test_line__positions_hold_in_the_middle_of_a_round(void **state)
 {
     struct rig *rig = *state;
@@ -285,6 +301,7 @@ int main(void)
         TEST(test_line__jobs_run_together_up_to_the_limit_and_not_a_byte_past_it),
         TEST(test_line__a_large_job_is_not_overtaken_and_runs_alone_at_last),
         TEST(test_line__positions_are_the_order_of_starts),
+        TEST(test_line__an_owner_of_whom_nothing_waits_has_no_next_job),
         TEST(test_line__positions_hold_in_the_middle_of_a_round),
     };
     id_init();
