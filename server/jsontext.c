@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "jsonin.h"
 #include "text.h"
 
 /* ---- counting, before anything is allocated --------------------------------------------------- */
@@ -244,13 +245,10 @@ static size_t text_offset(const struct lift *lift, size_t in_rest)
     return last.in_text + (in_rest - last.in_rest);
 }
 
-/* jansson's text without its quotation of the input, which may be cut within a character. When memory
- * runs out it says nothing at all, or complains of a token that it had no room for. */
+/* jansson's text without its quotation of the input, which may be cut within a character. */
 static int tree_problem(const struct lift *lift, json_error_t *error, struct problem *reterr)
 {
     char *near = strstr(error->text, " near '");
-    if (error->text[0] == '\0' || json_error_code(error) == json_error_out_of_memory)
-        return problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
     if (near)
         *near = '\0';
     size_t offset = text_offset(lift, error->position > 0 ? (size_t)error->position : 0);
@@ -308,9 +306,14 @@ int jsontext_parse(const char *text, size_t bytes, const struct limits *limits, 
         problem_at(reterr, PROBLEM_TOO_LARGE, "", "too many values outside arrays of numbers");
         goto cleanup;
     }
-    root = json_loadb(lift.rest, lift.rest_bytes, JSON_REJECT_DUPLICATES, &error);
-    if (!root) {
+    switch (jsonin_load(lift.rest, lift.rest_bytes, &root, &error)) {
+    case 0:
+        break;
+    case JSONIN_BAD:
         tree_problem(&lift, &error, reterr);
+        goto cleanup;
+    default:
+        problem_set(reterr, PROBLEM_INTERNAL, "out of memory");
         goto cleanup;
     }
     *ret = (struct jsontext){root, lift.value, lift.array, lift.arrays};

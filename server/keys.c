@@ -13,6 +13,7 @@
 #include <sodium.h>
 
 #include "files.h"
+#include "jsonin.h"
 #include "jsontext.h"
 #include "log.h"
 
@@ -136,8 +137,11 @@ int keys_parse(const char *text, size_t bytes, const struct quota *defaults, str
     if (bytes > KEYS_FILE_BYTES)
         return problem_set(reterr, PROBLEM_TOO_LARGE, "The key file has %zu bytes, more than %zu.", bytes,
                            KEYS_FILE_BYTES);
-    json_t *root = json_loadb(text, bytes, JSON_REJECT_DUPLICATES, &error);
-    if (root == NULL)
+    json_t *root = NULL;
+    int loaded = jsonin_load(text, bytes, &root, &error);
+    if (loaded < 0)
+        return problem_set(reterr, PROBLEM_INTERNAL, "Out of memory.");
+    if (loaded == JSONIN_BAD)
         return problem_set(reterr, PROBLEM_BAD_JSON, "Line %d, column %d: %s.", error.line, error.column,
                            error.text);
     int failed = read_list(root, defaults, ret, ret_count, reterr);

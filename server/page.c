@@ -3,10 +3,10 @@
 
 #include <ctype.h>
 #include <jansson.h>
-#include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+
+#include "jsonin.h"
+#include "memout.h"
 
 static const char head[] =
     "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -97,35 +97,24 @@ static void put_paths(FILE *out, const json_t *openapi)
     }
 }
 
-/* Ends what open_memstream began: the text, or NULL. */
-static char *close_text(FILE *out, char **text)
-{
-    bool failed = ferror(out) != 0;
-    if (fclose(out) == 0 && !failed)
-        return *text;
-    free(*text);
-    return NULL;
-}
-
 char *page_interface(const char *openapi, size_t openapi_bytes)
 {
-    char *text = NULL;
-    size_t bytes;
-    json_t *document = json_loadb(openapi, openapi_bytes, 0, NULL);
-    FILE *out = document == NULL ? NULL : open_memstream(&text, &bytes);
+    struct memout memout;
+    json_t *document = NULL;
+    json_error_t error;
+    FILE *out = jsonin_load(openapi, openapi_bytes, &document, &error) == 0 ? memout_open(&memout) : NULL;
     if (out != NULL) {
         put_paths(out, document);
-        text = close_text(out, &text);
+        fclose(out);
     }
     json_decref(document);
-    return text;
+    return out == NULL ? NULL : memout_take(&memout, NULL);
 }
 
 char *page_html(const struct page_facts *facts, const char *interface)
 {
-    char *text = NULL;
-    size_t bytes;
-    FILE *out = open_memstream(&text, &bytes);
+    struct memout memout;
+    FILE *out = memout_open(&memout);
     if (out == NULL)
         return NULL;
     fputs(head, out);
@@ -142,5 +131,6 @@ char *page_html(const struct page_facts *facts, const char *interface)
     fputs("</table>\n<p>Version ", out);
     put_escaped(out, facts->version);
     fputs("</p>\n</body>\n</html>\n", out);
-    return close_text(out, &text);
+    fclose(out);
+    return memout_take(&memout, NULL);
 }

@@ -1,0 +1,73 @@
+/* test_jsonin.c - JSON text is read whole, or not at all. */
+#include "test.h"
+
+#include "../solver/scarce.h"
+
+#include "jsonin.h"
+
+static const char TEXT[] =
+    "{\"a name of more bytes than jansson's first buffer\": \"a text of more bytes than that, too\", "
+    "\"number\": 0.1234567890123456, \"list\": [1234567890123456789, true, null, {}]}";
+
+static void test_jsonin__a_document_is_read(void **state)
+{
+    (void)state;
+    json_t *root = NULL;
+    json_error_t error;
+    assert_int_equal(jsonin_load(TEXT, sizeof TEXT - 1, &root, &error), 0);
+    assert_int_equal(json_object_size(root), 3);
+    assert_true(json_real_value(json_object_get(root, "number")) == 0.1234567890123456);
+    json_decref(root);
+}
+
+static void test_jsonin__what_is_none_or_has_a_member_twice_is_bad(void **state)
+{
+    (void)state;
+    const char *const bad[] = {"", "{", "{\"a\":1,\"a\":2}", "[1] 2", "tru"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        json_t *root = NULL;
+        json_error_t error;
+        assert_int_equal(jsonin_load(bad[i], strlen(bad[i]), &root, &error), JSONIN_BAD);
+        assert_null(root);
+        assert_true(error.text[0] != '\0');
+    }
+}
+
+static void test_jsonin__without_memory_there_is_nothing_rather_than_less(void **state)
+{
+    (void)state;
+#ifdef CAN_FAIL_ALLOCATIONS
+    json_t *whole = NULL;
+    json_error_t error;
+    long before = held, n = 0;
+    for (bool failed = true; failed; n++) {
+        json_t *root = NULL;
+        countdown = n;
+        int result = jsonin_load(TEXT, sizeof TEXT - 1, &root, &error);
+        failed = countdown < 0;
+        countdown = -1;
+        assert_int_equal(result, failed ? -1 : 0);
+        if (failed) {
+            assert_null(root);
+            assert_int_equal(held, before);
+        }
+        json_decref(root);
+    }
+    assert_true(n > 10);
+    /* one that failed is forgotten */
+    assert_int_equal(jsonin_load(TEXT, sizeof TEXT - 1, &whole, &error), 0);
+    json_decref(whole);
+#else
+    skip();
+#endif
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_jsonin__a_document_is_read),
+        cmocka_unit_test(test_jsonin__what_is_none_or_has_a_member_twice_is_bad),
+        cmocka_unit_test(test_jsonin__without_memory_there_is_nothing_rather_than_less),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
