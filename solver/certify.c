@@ -59,12 +59,10 @@ static double largest_move(const struct dr_state *s)
     return largest;
 }
 
-static double mean_edge(const struct dr_mesh *mesh)
+/* The legs of as many equal right-angled triangles, m. */
+static double mean_leg(const struct dr_mesh *mesh)
 {
-    double area = 0;
-    for (size_t t = 0; t < mesh->triangles; t++)
-        area += mesh->area[t];
-    return sqrt(2 * area / (double)mesh->triangles);
+    return sqrt(2 * dr_mesh_area(mesh) / (double)mesh->triangles);
 }
 
 /* Makes x + w the state. */
@@ -201,7 +199,7 @@ static bool push(struct dr_state *s)
     double longest = 0, noise = NOISE * size_of(&s->row.energy), lowest = s->row.energy.potential - noise;
     for (size_t i = 0; i < count; i++)
         longest = fmax(longest, fabs(s->best[i]));
-    double first = FIRST_PUSH * mean_edge(mesh) / longest, found = 0;
+    double first = FIRST_PUSH * mean_leg(mesh) / longest, found = 0;
     first = copysign(first, dr_state_dot(s, s->f, s->best));
     for (int side = 0; side < 2 && found == 0; side++, first = -first) {
         double scale = first;
@@ -336,7 +334,7 @@ static drape_status step(struct polish *p, drape_error *reterr)
     if (shift == 0) {
         certificate->largest_move = move;
         certificate->energy_left = left;
-        bool ended = !used || move <= ROUND_OFF * mean_edge(s->cloth->mesh); /* else its factor is to blame */
+        bool ended = !used || move <= ROUND_OFF * mean_leg(s->cloth->mesh); /* else its factor is to blame */
         if (left <= 1e-14 * size_of(&s->row.energy) && move > 0.5 * p->before && ended)
             return prove(p, reterr);
         if (!used || move <= CHORD * p->before)

@@ -184,6 +184,19 @@ void dr_mesh_shrink(struct dr_mesh *mesh, const double *factor)
     }
 }
 
+double dr_mesh_area(const struct dr_mesh *mesh)
+{
+    double area = 0;
+    for (size_t t = 0; t < mesh->triangles; t++)
+        area += mesh->area[t];
+    return area;
+}
+
+double dr_mesh_edge(const struct dr_mesh *mesh)
+{
+    return sqrt(4 / sqrt(3) * dr_mesh_area(mesh) / (double)mesh->triangles);
+}
+
 struct dr_mesh *dr_mesh_free(struct dr_mesh *mesh)
 {
     if (mesh) {

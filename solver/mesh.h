@@ -42,4 +42,7 @@ void dr_mesh_shrink(struct dr_mesh *mesh, const double *factor);
 struct dr_mesh *dr_mesh_free(struct dr_mesh *mesh); /* NULL is fine; returns NULL */
 size_t dr_mesh_bytes(const struct dr_mesh *mesh);
 
+double dr_mesh_area(const struct dr_mesh *mesh); /* at rest, of all triangles, m^2 */
+double dr_mesh_edge(const struct dr_mesh *mesh); /* of as many equal equilateral triangles as large, m */
+
 #endif

@@ -677,15 +677,6 @@ static const char *reason_not_to_coarsen(const drape_scene_desc *desc, const dra
     return desc->coarse == DRAPE_COARSE_AUTO ? "auto: it does not save time on every garment" : NULL;
 }
 
-/* The length of the edges if all triangles were equal, m. */
-static double mean_edge(const struct dr_mesh *mesh)
-{
-    double area = 0;
-    for (size_t t = 0; t < mesh->triangles; t++)
-        area += mesh->area[t];
-    return sqrt(4 / sqrt(3) * area / (double)mesh->triangles);
-}
-
 /* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. What a fine mesh
  * may have, a coarse one has, too: should it be refused all the same, nobody is told but by the plan. */
 static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
@@ -713,7 +704,7 @@ static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene,
     scene->coarse_left_out = reason_not_to_coarsen(desc, scene);
     if (scene->coarse_left_out)
         return DRAPE_OK;
-    if ((status = dr_coarsen(desc, COARSER * mean_edge(scene->mesh), &scene->coarse, reterr)) < 0)
+    if ((status = dr_coarsen(desc, COARSER * dr_mesh_edge(scene->mesh), &scene->coarse, reterr)) < 0)
         return status;
     if (2 * scene->coarse->desc.triangles > desc->triangles)
         scene->coarse_left_out = "what has to be kept leaves too many triangles";

@@ -248,13 +248,10 @@ static struct turn begin_turn(const struct dr_cloth *cloth, const drape_scene *s
                         .most = INFINITY,
                         .last = INFINITY,
                         .least = INFINITY};
-    double area = 0;
     if (scene->piece_part)
         turn.part = scene->piece_part[scene->seam[2 * first]];
     if (cloth->self && turn.part > 0) {
-        for (size_t t = 0; t < cloth->mesh->triangles; t++)
-            area += cloth->mesh->area[t];
-        double edge = sqrt(4 / sqrt(3) * area / (double)cloth->mesh->triangles); /* m: of equal triangles */
+        double edge = dr_mesh_edge(cloth->mesh);
         turn.spring = SPRING_LAST;
         turn.most = PULL_FIRST * edge;
         turn.last = PULL_LAST * edge;

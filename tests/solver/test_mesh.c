@@ -38,6 +38,21 @@ static void test_mesh__areas_masses_and_neighbors_of_a_square(void **state)
     dr_mesh_free(mesh);
 }
 
+static void test_mesh__the_mean_edge_is_that_of_equal_triangles_of_the_same_area(void **state)
+{
+    (void)state;
+    const double rhombus[] = {0, 0, 0.3, 0, 0.15, 0.15 * sqrt(3), 0.45, 0.15 * sqrt(3)};
+    const double stretched[] = {2, 2};
+    struct dr_mesh *mesh = NULL;
+    assert_int_equal(make(4, 2, two, rhombus, &mesh, NULL), DRAPE_OK);
+    assert_close(dr_mesh_area(mesh), 0.045 * sqrt(3), 1e-15);
+    assert_close(dr_mesh_edge(mesh), 0.3, 1e-15);
+    dr_mesh_shrink(mesh, stretched);
+    assert_close(dr_mesh_area(mesh), 0.18 * sqrt(3), 1e-15);
+    assert_close(dr_mesh_edge(mesh), 0.6, 1e-15);
+    dr_mesh_free(mesh);
+}
+
 static void test_mesh__gradients_reproduce_a_linear_field_far_from_the_origin(void **state)
 {
     (void)state;
@@ -118,6 +133,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_mesh__areas_masses_and_neighbors_of_a_square),
+        cmocka_unit_test(test_mesh__the_mean_edge_is_that_of_equal_triangles_of_the_same_area),
         cmocka_unit_test(test_mesh__gradients_reproduce_a_linear_field_far_from_the_origin),
         cmocka_unit_test(test_mesh__refuses_a_collapsed_rest_shape),
         cmocka_unit_test(test_mesh__accepts_a_sliver_of_one_to_a_thousand),
