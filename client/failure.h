@@ -23,7 +23,8 @@ struct failure {
 __attribute__((format(printf, 3, 4))) int failure_set(struct failure *failure, enum exit_code code,
                                                       const char *format, ...);
 
-/* The same for memory that ran out. */
+/* The same for memory that ran out. Known limit: text made by open_memstream(3) may lack what glibc found no
+ * memory for, and neither ferror nor fclose tell. */
 int failure_no_memory(struct failure *failure);
 
 /* Adds a line to the message; what does not fit is cut. */

@@ -38,7 +38,7 @@ static const PLINT GREEN[COLOURS] = {255, 40, 221, 94, 74, 90, 140};
 static const PLINT BLUE[COLOURS] = {255, 40, 221, 168, 22, 90, 60};
 
 static pthread_mutex_t plot_lock = PTHREAD_MUTEX_INITIALIZER;
-static bool plot_failed;     /* under the lock, like the two below */
+static bool plot_failed;     /* under the lock, like the next and draw_to_memory's stream */
 static jmp_buf plot_way_out; /* set while PLplot runs */
 
 static int leave_plplot(PLCHAR_VECTOR message)
@@ -288,7 +288,7 @@ static bool has_svg_driver(void)
 static int draw_to_memory(struct curve curve[4], double tolerance, const char *title, char **ret,
                           size_t *ret_bytes)
 {
-    static struct memout memout; /* the stream may stay open, see below */
+    static struct memout memout; /* static: the stream may stay open, see below; then nobody comes again */
     FILE *file = memout_open(&memout);
     if (!file)
         return -1;
