@@ -61,6 +61,23 @@ static drape_status solve(struct cloth *cloth, uint32_t linked, enum dr_factor f
     return status;
 }
 
+/* As solve by Cholesky, which must succeed. */
+static void solved(struct cloth *cloth, uint32_t linked, drape_analyses *analyses)
+{
+    assert_int_equal(solve(cloth, linked, DR_CHOLESKY, analyses), 0);
+}
+
+/* The bytes that are kept of the matrices with these links, all together. */
+static size_t bytes_of(struct cloth *cloth, uint32_t linked, uint32_t count)
+{
+    drape_analyses *analyses = drape_analyses_new(LIMIT);
+    for (uint32_t i = 0; i < count; i++)
+        solved(cloth, linked + i, analyses);
+    size_t bytes = drape_analyses_count(analyses).bytes;
+    drape_analyses_free(analyses);
+    return bytes;
+}
+
 static void expect(drape_analyses *analyses, uint64_t hits, uint64_t misses)
 {
     drape_analyses_counts counts = drape_analyses_count(analyses);
@@ -96,14 +113,14 @@ static void test_analysis__another_graph_or_factor_is_another_one(void **state)
     (void)state;
     struct cloth cloth = cloth_new(5), larger = cloth_new(6);
     drape_analyses *analyses = drape_analyses_new(LIMIT);
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
-    assert_int_equal(solve(&cloth, 21, DR_CHOLESKY, analyses), 0); /* as many pairs, but others */
+    solved(&cloth, 20, analyses);
+    solved(&cloth, 21, analyses); /* as many pairs, but others */
     assert_int_equal(solve(&cloth, 20, DR_LDL, analyses), 0);
-    assert_int_equal(solve(&larger, 20, DR_CHOLESKY, analyses), 0);
+    solved(&larger, 20, analyses);
     cloth.mesh->held[7] = true;
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
+    solved(&cloth, 20, analyses);
     expect(analyses, 0, 5);
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
+    solved(&cloth, 20, analyses);
     expect(analyses, 1, 5);
     drape_analyses_free(analyses);
     cloth_free(&cloth);
@@ -114,16 +131,13 @@ static void test_analysis__the_limit_holds_at_its_value_and_not_one_below(void *
 {
     (void)state;
     struct cloth cloth = cloth_new(5);
-    drape_analyses *analyses = drape_analyses_new(LIMIT);
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
-    size_t bytes = drape_analyses_count(analyses).bytes;
+    size_t bytes = bytes_of(&cloth, 20, 1);
     assert_true(bytes > 36 * sizeof(uint64_t));
-    drape_analyses_free(analyses);
     for (size_t less = 0; less < 2; less++) {
-        analyses = drape_analyses_new(bytes - less);
-        assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
+        drape_analyses *analyses = drape_analyses_new(bytes - less);
+        solved(&cloth, 20, analyses);
         assert_int_equal(drape_analyses_count(analyses).bytes, less ? 0 : bytes);
-        assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
+        solved(&cloth, 20, analyses);
         expect(analyses, less ? 0 : 1, less ? 2 : 1);
         drape_analyses_free(analyses);
     }
@@ -134,22 +148,16 @@ static void test_analysis__the_one_used_longest_ago_goes(void **state)
 {
     (void)state;
     struct cloth cloth = cloth_new(5);
-    drape_analyses *analyses = drape_analyses_new(LIMIT);
-    size_t bytes[2];
-    for (uint32_t i = 0; i < 2; i++) {
-        assert_int_equal(solve(&cloth, 20 + i, DR_CHOLESKY, analyses), 0);
-        bytes[i] = drape_analyses_count(analyses).bytes;
-    }
-    drape_analyses_free(analyses);
-    analyses = drape_analyses_new(bytes[1] + bytes[0] / 2); /* two of them, not three */
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
-    assert_int_equal(solve(&cloth, 21, DR_CHOLESKY, analyses), 0);
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0); /* used again */
+    drape_analyses *analyses = /* two of them, not three */
+        drape_analyses_new(bytes_of(&cloth, 20, 2) + bytes_of(&cloth, 20, 1) / 2);
+    solved(&cloth, 20, analyses);
+    solved(&cloth, 21, analyses);
+    solved(&cloth, 20, analyses); /* used again */
     expect(analyses, 1, 2);
-    assert_int_equal(solve(&cloth, 22, DR_CHOLESKY, analyses), 0); /* 21 goes */
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
+    solved(&cloth, 22, analyses); /* 21 goes */
+    solved(&cloth, 20, analyses);
     expect(analyses, 2, 3);
-    assert_int_equal(solve(&cloth, 21, DR_CHOLESKY, analyses), 0);
+    solved(&cloth, 21, analyses);
     expect(analyses, 2, 4);
     drape_analyses_free(analyses);
     cloth_free(&cloth);
@@ -159,7 +167,7 @@ static void *solve_often(void *data)
 {
     for (uint32_t i = 0; i < 40; i++) {
         struct cloth cloth = cloth_new(4);
-        assert_int_equal(solve(&cloth, 20 + i % 4, DR_CHOLESKY, data), 0);
+        solved(&cloth, 20 + i % 4, data);
         assert_true(drape_analyses_count(data).bytes > 0);
         cloth_free(&cloth);
     }
@@ -170,12 +178,8 @@ static void test_analysis__threads_share_them(void **state)
 {
     (void)state;
     struct cloth cloth = cloth_new(4);
-    drape_analyses *analyses = drape_analyses_new(LIMIT);
-    assert_int_equal(solve(&cloth, 20, DR_CHOLESKY, analyses), 0);
-    size_t bytes = drape_analyses_count(analyses).bytes;
-    drape_analyses_free(analyses);
-    cloth_free(&cloth);
-    analyses = drape_analyses_new(bytes * 5 / 2); /* so that some go while others are looked for */
+    drape_analyses *analyses =
+        drape_analyses_new(bytes_of(&cloth, 20, 1) * 5 / 2); /* so that some go while others are looked for */
     pthread_t thread[4];
     for (int t = 0; t < 4; t++)
         assert_int_equal(pthread_create(thread + t, NULL, solve_often, analyses), 0);
@@ -184,6 +188,7 @@ static void test_analysis__threads_share_them(void **state)
     drape_analyses_counts counts = drape_analyses_count(analyses);
     assert_int_equal(counts.hits + counts.misses, 160);
     drape_analyses_free(analyses);
+    cloth_free(&cloth);
 }
 
 /* A sewn and pinned sheet: pieces and garment have an analysis each, which serves another fabric. */
@@ -238,7 +243,7 @@ static void test_analysis__every_allocation_may_fail(void **state)
             drape_analyses *analyses = drape_analyses_new(LIMIT);
             assert_non_null(analyses);
             if (kept)
-                assert_int_equal(solve(&cloth, 10, DR_CHOLESKY, analyses), 0);
+                solved(&cloth, 10, analyses);
             long of_old = held;
             countdown = n;
             drape_status status = solve(&cloth, 10, DR_CHOLESKY, analyses);
@@ -247,7 +252,7 @@ static void test_analysis__every_allocation_may_fail(void **state)
             assert_true(status == DRAPE_OK || status == DRAPE_ENOMEM);
             assert_true(kept ? held == of_old : held >= of_old);
             /* what went wrong leaves what is right to the next */
-            assert_int_equal(solve(&cloth, 10, DR_CHOLESKY, analyses), 0);
+            solved(&cloth, 10, analyses);
             drape_analyses_free(analyses);
             assert_int_equal(held, before);
             if (!failed)
