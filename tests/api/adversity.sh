@@ -108,8 +108,7 @@ fi
 
 # ---- the disk holds everything up
 
-"$tools/api/notified" "$work/notify" >"$work/told" & ear=$!
-until [[ -S $work/notify ]]; do sleep 0.01; done
+hear_notices "$work/told"
 pinged() { grep -q 'WATCHDOG=1' "$work/told"; }
 NOTIFY_SOCKET=$work/notify WATCHDOG_USEC=2000000 LD_PRELOAD=$tools/preload/disk.so start_daemon --workers 1
 check 'the watchdog is pinged' within 10 pinged

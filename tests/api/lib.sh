@@ -68,6 +68,15 @@ start_daemon() {
     echo "Bail out! the daemon did not start: $(tail -n 5 "$log")"
     exit 1
 }
+# hear_notices FILE: what is sent to NOTIFY_SOCKET=$work/notify is written to FILE; sets ear, to be killed.
+hear_notices() {
+    build/release/tests/api/notified "$work/notify" >"$1" &
+    ear=$!
+    until [[ -S $work/notify ]]; do
+        kill -0 "$ear" 2>/dev/null || { echo 'Bail out! notified does not run: is it built?'; exit 1; }
+        sleep 0.01
+    done
+}
 # stop_daemon: SIGTERM, then its exit status in $status.
 stop_daemon() {
     kill -TERM "$pid"

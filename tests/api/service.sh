@@ -2,16 +2,13 @@
 # Under a service manager: what it is told and when, the watchdog, how the daemon stops, and restarts behind
 # sockets that somebody else holds. DRAPED_TEST_RESTARTS (5) says how many.
 . "$(dirname "$0")/lib.sh"
-tools=build/release/tests/api
 endless >"$work/long"
 square 6 >"$work/small"
 
 # ---- what systemd is told
 
 told=$work/told
-"$tools/notified" "$work/notify" >"$told" &
-ear=$!
-until [[ -S $work/notify ]]; do sleep 0.01; done
+hear_notices "$told"
 # told_within SECONDS PATTERN [COUNT]: until so many lines of notices match.
 told_within() {
     local deadline=$((SECONDS + $1))
