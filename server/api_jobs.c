@@ -370,7 +370,8 @@ void job_get(struct call *call)
     }
 }
 
-void job_delete(struct call *call)
+/* `remove`: also where it has ended. */
+static void cancel_or_remove(struct call *call, bool remove)
 {
     struct problem problem;
     char *body;
@@ -381,9 +382,42 @@ void job_delete(struct call *call)
         http_send(call->request, http_answer_text(202, "application/json", body));
         return;
     }
+    if (found == QUEUE_NONE && !remove) {
+        call_refuse(call, PROBLEM_PRECONDITION, "The job has just ended.");
+        return;
+    }
     if (found == QUEUE_NONE)
         found = store_job_remove(call->api->store, call->owner, call->id, clock_steady_ms(), &problem);
     if (found == 0 || found == STORE_GONE)
+        http_send(call->request, http_answer_empty(204));
+    else
+        job_refuse_unknown(call, found, &problem);
+}
+
+/* Holds If-Match against the job as it stands: as job_look_up, or -1 where it is another. */
+static int check_match(struct call *call, const char *if_match, bool *ret_ended, struct problem *reterr)
+{
+    struct revision revision;
+    char *body, etag[ETAG_SIZE];
+    int found = job_look_up(call->api, call->owner, call->id, &body, &revision, ret_ended, reterr);
+    if (found != 0)
+        return found;
+    format_etag(revision, body, etag);
+    free(body);
+    return negotiate_matches(if_match, etag) ? 0
+                                             : problem_set(reterr, PROBLEM_PRECONDITION, "It is %s.", etag);
+}
+
+/* What ends behind the look is not removed: whoever named it by If-Match has not seen what came of it. */
+void job_delete(struct call *call)
+{
+    struct problem problem;
+    bool ended = true;
+    const char *if_match = http_header(call->request, "If-Match");
+    int found = if_match == NULL ? 0 : check_match(call, if_match, &ended, &problem);
+    if (found == 0)
+        cancel_or_remove(call, ended);
+    else if (found == STORE_GONE) /* as it was asked for */
         http_send(call->request, http_answer_empty(204));
     else
         job_refuse_unknown(call, found, &problem);

@@ -10,7 +10,7 @@
 #define CORS_METHODS "GET, HEAD, POST, PUT, DELETE"
 #define CORS_HEADERS                                                                                         \
     "Authorization, Content-Type, Content-Encoding, Content-Digest, Idempotency-Key, Last-Event-ID, "        \
-    "If-None-Match, Prefer, traceparent, X-Request-Id"
+    "If-Match, If-None-Match, Prefer, traceparent, X-Request-Id"
 #define CORS_EXPOSED                                                                                         \
     "Location, Retry-After, ETag, Link, Preference-Applied, Idempotency-Replayed, X-Request-Id"
 #define CORS_MAX_AGE "7200" /* s: two hours, as long as any browser keeps a preflight */

@@ -135,16 +135,15 @@ int negotiate_coding(const char *accept_encoding, unsigned offered)
     return accept_encoding == NULL ? CODING_IDENTITY : best;
 }
 
-bool negotiate_unchanged(const char *if_none_match, const char *etag)
+/* Whether a list of tags has this one or is "*". `weakly`: W/ before one of the list does not count. */
+static bool has_tag(const char *list, const char *etag, bool weakly)
 {
     size_t bytes, wanted = strlen(etag);
     const char *element;
-    if (if_none_match == NULL)
-        return false;
-    while ((element = next_element(&if_none_match, &bytes)) != NULL) {
+    while ((element = next_element(&list, &bytes)) != NULL) {
         if (bytes == 1 && *element == '*')
             return true;
-        if (bytes > 2 && strncmp(element, "W/", 2) == 0) {
+        if (weakly && bytes > 2 && strncmp(element, "W/", 2) == 0) {
             element += 2;
             bytes -= 2;
         }
@@ -152,6 +151,16 @@ bool negotiate_unchanged(const char *if_none_match, const char *etag)
             return true;
     }
     return false;
+}
+
+bool negotiate_unchanged(const char *if_none_match, const char *etag)
+{
+    return if_none_match != NULL && has_tag(if_none_match, etag, true);
+}
+
+bool negotiate_matches(const char *if_match, const char *etag)
+{
+    return if_match == NULL || has_tag(if_match, etag, false);
 }
 
 int negotiate_wait(const char *prefer, int max)

@@ -1,5 +1,5 @@
-/* negotiate.h - request headers that choose: Accept, Accept-Encoding, If-None-Match, Prefer. Pure text, no
- * sockets. */
+/* negotiate.h - request headers that choose: Accept, Accept-Encoding, If-Match, If-None-Match, Prefer. Pure
+ * text, no sockets. */
 #ifndef DRAPED_NEGOTIATE_H
 #define DRAPED_NEGOTIATE_H
 
@@ -19,6 +19,10 @@ int negotiate_coding(const char *accept_encoding, unsigned offered);
 
 /* Whether an If-None-Match (NULL: none) names `etag` (with its quotes), or is "*". Weak comparison. */
 bool negotiate_unchanged(const char *if_none_match, const char *etag);
+
+/* Whether an If-Match (NULL: none) allows what is asked of the thing of `etag`: names it, or is "*". Strong
+ * comparison. */
+bool negotiate_matches(const char *if_match, const char *etag);
 
 /* The seconds of "Prefer: wait=n" (RFC 7240), at most `max`; 0: there is no such preference. */
 int negotiate_wait(const char *prefer, int max);

@@ -31,6 +31,7 @@ static const struct problem_row problem_table[PROBLEM_CODES] = {
     [PROBLEM_KEY_IN_FLIGHT] = {"idempotency-in-flight", "The first request with this key is under way", 409,
                                true},
     [PROBLEM_GONE] = {"gone", "The job was removed", 410, false},
+    [PROBLEM_PRECONDITION] = {"precondition-failed", "This is not what If-Match names", 412, false},
     [PROBLEM_LENGTH] = {"body-too-large", "The body is too large", 413, false},
     [PROBLEM_MEDIA_TYPE] = {"unsupported-media-type", "The content type is not supported", 415, false},
     [PROBLEM_ENCODING] = {"unsupported-encoding", "The content encoding is not supported", 415, false},

@@ -25,6 +25,7 @@ enum problem_code {
     PROBLEM_IN_USE,             /* 409: a job that has not ended needs it */
     PROBLEM_KEY_IN_FLIGHT,      /* 409: the first request with that Idempotency-Key is not answered yet */
     PROBLEM_GONE,               /* 410 */
+    PROBLEM_PRECONDITION,       /* 412 */
     PROBLEM_LENGTH,             /* 413: body too large */
     PROBLEM_MEDIA_TYPE,         /* 415 */
     PROBLEM_ENCODING,           /* 415: another Content-Encoding */

@@ -56,7 +56,7 @@ preflight() { request OPTIONS "$1" -H "Origin: $3" -H "Access-Control-Request-Me
 preflight /v1/jobs POST $shop
 is 'a preflight' "$code $(header access-control-max-age) $(header access-control-allow-origin)" "204 7200 $shop"
 is 'names the methods' "$(header access-control-allow-methods)" 'GET, HEAD, POST, PUT, DELETE'
-for name in Authorization Content-Type Idempotency-Key Last-Event-ID If-None-Match Prefer traceparent; do
+for name in Authorization Content-Type Idempotency-Key Last-Event-ID If-Match If-None-Match Prefer traceparent; do
     like "and $name" "$(header access-control-allow-headers)" "(^|, )$name(,|$)"
 done
 preflight "/v1/jobs/$id" DELETE $other; is 'a preflight from the other' "$code $(header access-control-allow-origin)" "204 $other"

@@ -48,6 +48,14 @@ is 'and their tags hold no longer' "$code $(jq .queue_position "$body")" '200 1'
 request GET "/v1/jobs/$second" -H "If-None-Match: $behind" -H 'Prefer: wait=20'
 is 'which is no reason to wait' "$code $(header preference-applied)" '200 '
 is 'there is another' "$([[ $(header etag) != "$behind" ]] && echo other)" other
+request DELETE "/v1/jobs/$second" -H "If-Match: $behind"
+problem 'nor is the job cancelled that a client saw elsewhere in the line' 412 precondition-failed
+request GET "/v1/jobs/$second"; json 'it waits on' '.status == "queued"'
+submit "$work/small"; fourth=$id
+request GET "/v1/jobs/$fourth"; seen=$(header etag)
+request DELETE "/v1/jobs/$fourth" -H "If-Match: \"x\", $seen"; is 'one is that is as it was seen' "$code" 202
+request DELETE "/v1/jobs/$fourth" -H "If-Match: $seen"; problem 'it is not removed by the same' 412 precondition-failed
+request DELETE "/v1/jobs/$fourth" -H 'If-Match: *'; is 'but by a star' "$code" 204
 request GET "/v1/jobs/$queued/result"; problem 'a job cancelled in the queue has no result' 409 no-result
 
 # Who hangs up gives the place back long before the time is up, and who only says no more is answered.
@@ -88,6 +96,10 @@ from=$(now)
 request GET "/v1/jobs/$third" -H "If-None-Match: $etag" -H 'Prefer: wait=20'
 took=$(($(now) - from))
 check "nobody waits for a job that is over ($((took / 1000)) ms)" test "$took" -lt 5000000
+request DELETE "/v1/jobs/$third" -H "If-Match: W/$etag"; problem 'a weakened tag removes nothing' 412 precondition-failed
+request DELETE "/v1/jobs/$third" -H "If-Match: $etag"; is 'the tag itself does' "$code" 204
+request DELETE "/v1/jobs/$third" -H "If-Match: $etag"; is 'and once more does no harm' "$code" 204
+request DELETE "/v1/jobs/$(printf '0%.0s' {1..32})" -H 'If-Match: *'; problem 'none is no job of ours' 404 not-found
 request POST /v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=rubbish' --data-binary "@$work/small"
 is 'a preference that is none is ignored' "$code" 202
 

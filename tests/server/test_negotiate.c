@@ -108,6 +108,18 @@ static void test_negotiate__if_none_match_compares_weakly(void **state)
     assert_false(negotiate_unchanged("\"1.2", "\"1.2\""));
 }
 
+static void test_negotiate__if_match_compares_strongly_and_allows_all_where_there_is_none(void **state)
+{
+    (void)state;
+    assert_true(negotiate_matches(NULL, "\"1.2\""));
+    assert_true(negotiate_matches("*", "\"1.2\""));
+    assert_true(negotiate_matches("\"1.2\"", "\"1.2\""));
+    assert_true(negotiate_matches("\"a,b\", \"1.2\"", "\"1.2\""));
+    assert_false(negotiate_matches("W/\"1.2\"", "\"1.2\""));
+    assert_false(negotiate_matches("", "\"1.2\""));
+    assert_false(negotiate_matches("\"1.3\"", "\"1.2\""));
+}
+
 static void test_negotiate__prefer_wait_is_read_and_capped(void **state)
 {
     (void)state;
@@ -148,6 +160,7 @@ int main(void)
         cmocka_unit_test(test_negotiate__codings_are_weighed),
         cmocka_unit_test(test_negotiate__only_codings_on_offer_are_given),
         cmocka_unit_test(test_negotiate__if_none_match_compares_weakly),
+        cmocka_unit_test(test_negotiate__if_match_compares_strongly_and_allows_all_where_there_is_none),
         cmocka_unit_test(test_negotiate__prefer_wait_is_read_and_capped),
         cmocka_unit_test(test_negotiate__other_preferences_are_ignored),
         cmocka_unit_test(test_negotiate__content_types_are_compared_without_parameters),
