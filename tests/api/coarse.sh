@@ -61,6 +61,7 @@ like 'a quarter of the triangles, with normals and the pattern' "$(glb_triangles
 etag=$(header etag)
 request GET "/v1/jobs/$id/preview" -H "If-None-Match: $etag"
 is 'it is not sent again' "$code $(header etag)" "304 $etag"
+is 'and varies by Accept' "$(header vary)" Accept
 request HEAD "/v1/jobs/$id/preview"
 is 'its head tells as much' "$code $(header etag)" "200 $etag"
 request GET "/v1/jobs/$id/preview" -H 'Accept: text/html'
