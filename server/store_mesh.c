@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "encoding.h"
@@ -75,9 +76,15 @@ int store_mesh_open(struct store *store, const char *owner, const char *sha256, 
     int found = store_mesh_get(store, owner, sha256, ret, reterr);
     if (found != 0)
         return found;
+    struct stat st;
     int fd = openat(store->meshes, sha256, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return errno == ENOENT ? STORE_NONE : store_fail_file(store, "open the mesh", reterr);
+    if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != ret->bytes) { /* who maps it would end by SIGBUS */
+        close(fd);
+        return problem_set(reterr, PROBLEM_STORAGE, "The file of the mesh %s is not as it was written.",
+                           sha256);
+    }
     *ret_fd = fd;
     return 0;
 }
