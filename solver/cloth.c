@@ -299,9 +299,12 @@ static drape_status link_touching(struct dr_cloth *cloth, const double *x, drape
     return status < 0 ? status : dr_matrix_relink(cloth->A, link, links, reterr);
 }
 
-/* All but cloth against itself. */
-static void assemble(struct dr_cloth *cloth, const double *x, double indefinite)
+drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
+                               drape_error *reterr)
 {
+    drape_status status = cloth->self ? link_touching(cloth, x, reterr) : DRAPE_OK;
+    if (status < 0)
+        return status;
     dr_matrix_reset(cloth->A);
     dr_stretch_hessian(cloth->stretch, x, cloth->stress, indefinite, cloth->A);
     if (cloth->contact)
@@ -314,23 +317,9 @@ static void assemble(struct dr_cloth *cloth, const double *x, double indefinite)
         dr_fold_hessian(cloth->fold, x, indefinite, cloth->A);
     if (cloth->tacks)
         dr_tacks_hessian(cloth->tacks, cloth->A);
-}
-
-drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
-                               drape_error *reterr)
-{
-    drape_status status = cloth->self ? link_touching(cloth, x, reterr) : DRAPE_OK;
-    if (status < 0)
-        return status;
-    assemble(cloth, x, indefinite);
     if (cloth->self)
         dr_self_hessian(cloth->self, x, indefinite, cloth->A);
     return DRAPE_OK;
-}
-
-void dr_cloth_assemble_apart(struct dr_cloth *cloth, const double *x)
-{
-    assemble(cloth, x, 0);
 }
 
 bool dr_cloth_has_anchors(const struct dr_cloth *cloth)

@@ -64,10 +64,6 @@ drape_status dr_cloth_bend_whole(struct dr_cloth *cloth, bool whole, drape_error
 /* q += what the matrix lacks of bending, times p; 3*nodes each. */
 void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, double *q);
 
-/* The same, positive semi-definite and without cloth against itself. The pattern stays, and with it the
- * factor of what was assembled before. */
-void dr_cloth_assemble_apart(struct dr_cloth *cloth, const double *x);
-
 /* Friction, of the cloth with bodies and with itself: whether there is any; its anchors taken afresh at x,
  * from where on the potential is another one; and the part of the energy at x that it holds, J. */
 bool dr_cloth_has_anchors(const struct dr_cloth *cloth);

@@ -401,9 +401,9 @@ typedef struct drape_row {
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
     uint32_t linear_iterations; /* back-solves of the step that led here */
-    uint32_t factorizations;    /* attempted in this iteration, failed ones included: the matrix is that of
-                                 * this state, so row 0 has its own. All rows together have those of the
-                                 * report but for the ones of sewing, motion and ramp */
+    uint32_t factorizations;    /* attempted since the last row, failed ones included; row 0 has its own. All
+                                 * rows together have those of the report but for the ones of sewing, motion
+                                 * and ramp */
 } drape_row;
 
 typedef struct drape_progress {

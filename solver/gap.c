@@ -21,7 +21,7 @@ struct dr_gaps {
     struct dr_self *self;             /* NULL: the cloth's own parts are left out */
     struct gap *gap;
     size_t count, room;
-    bool apart, out_of_memory;
+    bool out_of_memory;
 };
 
 drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
@@ -85,7 +85,6 @@ static void take(const struct dr_sample *sample, void *data)
 
 static void take_self(const struct dr_self_gap *from, void *data)
 {
-    const struct dr_gaps *gaps = data;
     struct gap *gap = append(data);
     if (!gap)
         return;
@@ -97,13 +96,10 @@ static void take_self(const struct dr_self_gap *from, void *data)
     memcpy(gap->weight, from->weight, sizeof gap->weight);
     memcpy(gap->n, from->n, sizeof gap->n);
     gap->first = dr_penalty(gap->stiffness, gap->offset, gap->depth);
-    if (gaps->apart)
-        gap->first.curvature = 0;
 }
 
-drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, bool apart, drape_error *reterr)
+drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, drape_error *reterr)
 {
-    gaps->apart = apart;
     gaps->count = 0;
     gaps->out_of_memory = false;
     if (gaps->contact)

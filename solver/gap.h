@@ -7,8 +7,7 @@
  *
  *     X(w) = sum kappa A (psi(s - t) - psi(s) + psi'(s) t - psi''(s) t^2/2)
  *
- * added to that model makes it see them. `apart`, where the step matrix has nothing of cloth against itself,
- * it is without the last term for those gaps. Belongs to one thread. */
+ * added to that model makes it see them. Belongs to one thread. */
 #ifndef DR_GAP_H
 #define DR_GAP_H
 
@@ -25,7 +24,7 @@ size_t dr_gaps_bytes(const struct dr_gaps *gaps);
 
 /* Linearises at x (3*nodes) every gap to a body within DR_BODY_REACH, and those within the cloth that
  * dr_self_each knows. */
-drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, bool apart, drape_error *reterr);
+drape_status dr_gaps_take(struct dr_gaps *gaps, const double *x, drape_error *reterr);
 
 /* X at the step w (3*nodes), J; adds its gradient to g. Later products are with the Hessian there. */
 double dr_gaps_surplus(struct dr_gaps *gaps, const double *w, double *g);

@@ -21,18 +21,16 @@
  *
  *  4. The step looks at the gaps that it closes or opens (gap.h) by Newton's method on the model, conjugate
  *     gradients with the same factor; steps are scaled down as a whole to what the model holds, and
- * friction's anchors are renewed at every other state. Without that new contacts come as a surprise, steps
- * are refused and h collapses. Gaps between parts of the cloth are seen alike, and the step is also scaled
- * down to what takes no part through another (sweep.h); where that is next to nothing, only the nodes that
- * would go through are held back.
+ *     friction's anchors are renewed at every other state. Without that new contacts come as a surprise,
+ *     steps are refused and h collapses. Gaps between parts of the cloth are seen alike, and the step is also
+ *     scaled down to what takes no part through another (sweep.h); where that is next to nothing, only the
+ *     nodes that would go through are held back.
  *  5. The false stretch Q that a step makes is taken out at once where it matters, by one or two Newton steps
- *     from where it led: conjugate gradients on the Hessian there, whose preconditioner is the factor at
- * hand, turned with the cloth (turn.h). Else every other iteration does nothing but that. This is the
- * second-order correction of constrained optimisation (Nocedal and Wright, Numerical optimization, 2006,
- * section 18.3); after it the energy itself may tell that the step was good.
- *
-  6. Once the true Hessian is positive definite, each of its factors serves several steps, friction's anchors
- * renewed between them.
+ *     from where it led, with the semi-definite Hessian there. Else every other iteration does nothing but
+ *     that. This is the second-order correction of constrained optimisation (Nocedal and Wright, Numerical
+ *     optimization, 2006, section 18.3); after it the energy itself may tell that the step was good.
+ *  6. Once the true Hessian is positive definite, each of its factors serves several steps, friction's
+ *     anchors renewed between them.
  *
  * A watchdog goes back to the best state when nothing has improved for long; the third time stop-and-go
  * takes over. Constants: found on 22 scenes (squares, skirts, arcs, folds, noise; 10 to 10 000 N/m) at first
@@ -41,7 +39,6 @@
 #include <string.h>
 
 #include "state.h"
-#include "turn.h"
 
 #define FIRST_H_MIN   0.005 /* s: the job's time step, held to this range, is the first h */
 #define FIRST_H_MAX   0.05
@@ -82,16 +79,13 @@
 /* Of the second-order correction */
 #define FALSE_PART  0.02 /* of false stretch in what was gained, up to which there is nothing to correct */
 #define MOST_PASSES 2
-#define MOST_STALE  60    /* conjugate gradient steps of a pass */
-#define STALE_GAIN  0.003 /* of a step, relative to those before it, below which it is the last */
-#define ROUND_GAIN  0.1   /* likewise of a round of looking at the gaps */
-#define MOST_TRIES  3     /* whole, halved, halved again */
+#define MOST_TRIES  3 /* whole, halved, halved again */
 
 #define MOST_CHORDS 5 /* steps with the factor of the true Hessian at hand, after the one it was made for */
 
 /* The method's own arrays: residual of the quadratic model, direction p, A+ p, what the projection dropped,
  * times p; with bodies also the residual of the model with its gaps, the gaps' share of its product, where
- * the step began and the force there, how the cloth has turned since. */
+ * the step began and the force there. */
 enum {
     RESIDUAL,
     DIRECTION,
@@ -102,7 +96,6 @@ enum {
     GAPPED,
     START,
     START_FORCE,
-    TURN,
     ARRAYS_WITH_BODIES
 };
 
@@ -358,7 +351,7 @@ static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *r
 /* Newton's method on the model with its gaps, from the step w of the one without. */
 static drape_status touch(struct dr_state *s, drape_error *reterr)
 {
-    drape_status status = dr_gaps_take(s->gaps, s->x, false, reterr);
+    drape_status status = dr_gaps_take(s->gaps, s->x, reterr);
     if (status < 0)
         return status;
     for (int round = 0; round < MOST_ROUNDS; round++) {
@@ -408,7 +401,7 @@ static void scale_step(struct dr_state *s, double scale)
 }
 
 /* RESIDUAL and TOUCHING of a step that is not conjugate gradients' own. */
-static void find_model_residual(struct dr_state *s)
+static void find_residual(struct dr_state *s)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *r = s->extra[RESIDUAL], *dropped = s->extra[DROPPED];
@@ -431,7 +424,7 @@ static drape_status descend(struct dr_state *s, drape_error *reterr)
     drape_status status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
     s->solves++;
     if (status >= 0)
-        find_model_residual(s);
+        find_residual(s);
     return status;
 }
 
@@ -440,7 +433,7 @@ static drape_status descend(struct dr_state *s, drape_error *reterr)
 static void hold_single(struct dr_state *s)
 {
     dr_self_clip(s->cloth->self, s->x, s->w);
-    find_model_residual(s);
+    find_residual(s);
 }
 
 /* Scales a step down that is too long for the model to hold, beyond `limit` of second-order strain. False: it
@@ -476,91 +469,15 @@ static bool shorten(struct dr_state *s, double limit)
 
 /* ---- second-order correction ---------------------------------------------------------------------- */
 
-/* z = R A^-1 R' r with the last factor, of the matrix at START. */
-static drape_status solve_turned(struct dr_state *s, const double *r, double *z, drape_error *reterr)
+/* The step w from x with the semi-definite Hessian there, by Newton's method on the model with its gaps.
+ * *ret_found: there is one. */
+static drape_status find_correction(struct dr_state *s, bool *ret_found, drape_error *reterr)
 {
-    size_t nodes = s->cloth->mesh->nodes;
-    double *b = s->extra[DROPPED];
-    dr_turn_apply(nodes, s->extra[TURN], true, r, b);
-    drape_status status = dr_state_solve(s, 1, (const double *[]){b}, (double *[]){z}, reterr);
-    dr_turn_apply(nodes, s->extra[TURN], false, z, z);
-    s->solves++;
-    return status;
-}
-
-/* RESIDUAL = f - Aw and TOUCHING with it. */
-static void find_residual(struct dr_state *s)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    double *r = s->extra[RESIDUAL];
-    dr_matrix_multiply(s->cloth->A, s->w, r);
-    dr_cloth_add_remainder(s->cloth, s->w, r);
-    for (size_t i = 0; i < 3 * mesh->nodes; i++)
-        r[i] = mesh->held[i / 3] ? 0 : s->f[i] - r[i];
-    look_at_gaps(s);
-}
-
-/* KEPT = (A + X''(w)) p for DIRECTION p; returns p.KEPT. */
-static double multiply(struct dr_state *s)
-{
-    double *kept = s->extra[KEPT], *p = s->extra[DIRECTION];
-    dr_matrix_multiply(s->cloth->A, p, kept);
-    dr_cloth_add_remainder(s->cloth, p, kept);
-    dr_gaps_add_product(s->gaps, p, kept);
-    return dr_state_dot(s, p, kept);
-}
-
-/* Conjugate gradients on A + X''(w), at most *most steps, which are counted down; *gained (J, by the model)
- * goes up. */
-static drape_status round_of_stale(struct dr_state *s, unsigned *most, double *gained, drape_error *reterr)
-{
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    size_t count = 3 * mesh->nodes;
-    double *r = s->extra[TOUCHING], *p = s->extra[DIRECTION], *kept = s->extra[KEPT], *z = s->x_next;
-    double last = INFINITY; /* the first direction is the residual's alone */
-    for (double gain = INFINITY; *most && gain > STALE_GAIN * *gained; --*most) {
-        drape_status status = solve_turned(s, r, z, reterr);
-        if (status < 0)
-            return status;
-        double rz = dr_state_dot(s, r, z), beta = rz / last;
-        for (size_t i = 0; i < count; i++)
-            p[i] = z[i] + beta * p[i];
-        double curved = multiply(s), length = rz / curved;
-        if (!(curved > 0))
-            return DRAPE_OK;
-        for (size_t i = 0; i < count; i++) {
-            if (mesh->held[i / 3])
-                continue;
-            s->w[i] += length * p[i];
-            r[i] -= length * kept[i];
-        }
-        gain = 0.5 * length * rz;
-        *gained += gain;
-        last = rz;
-    }
-    return DRAPE_OK;
-}
-
-/* The step w from x by Newton's method on the model there with its gaps; no factor of its matrix. */
-static drape_status find_correction(struct dr_state *s, drape_error *reterr)
-{
-    double began = dr_clock(), gained = 0, before = -INFINITY;
-    unsigned most = MOST_STALE;
-    dr_turn_take(s->cloth->mesh, s->extra[START], s->x, s->extra[GAPPED], s->extra[TURN]);
-    dr_cloth_assemble_apart(s->cloth, s->x);
-    s->sim->stage[DR_STAGE_ASSEMBLE] += dr_clock() - began;
-    drape_status status = dr_gaps_take(s->gaps, s->x, true, reterr);
-    memset(s->w, 0, 3 * s->cloth->mesh->nodes * sizeof *s->w);
-    for (int round = 0; round < MOST_ROUNDS && status >= 0; round++) {
-        find_residual(s);
-        if (!most || gained - before < ROUND_GAIN * gained)
-            break;
-        before = gained;
-        status = round_of_stale(s, &most, &gained, reterr);
-    }
-    if (status >= 0)
-        find_residual(s);
-    return status;
+    drape_status status = dr_state_factorise(s, 0, ret_found, reterr);
+    if (status < 0 || !*ret_found)
+        return status;
+    status = solve_model(s, reterr);
+    return status < 0 ? status : touch(s, reterr);
 }
 
 /* x and w such that the whole step is allowed and stops at the bodies. */
@@ -585,9 +502,10 @@ static drape_status pass(struct dr_state *s, bool *ret_more, drape_error *reterr
     size_t count = 3 * s->cloth->mesh->nodes;
     double here = s->row.energy.potential, strain;
     drape_energies there = s->row.energy;
+    bool found;
     *ret_more = false;
-    drape_status status = find_correction(s, reterr);
-    if (status < 0)
+    drape_status status = find_correction(s, &found, reterr);
+    if (status < 0 || !found)
         return status;
     shorten(s, MOST_STRAIN);
     clip(s);
@@ -606,15 +524,20 @@ static drape_status pass(struct dr_state *s, bool *ret_more, drape_error *reterr
     return DRAPE_OK;
 }
 
-/* Takes out the false stretch that the step from START has made (Maratos' effect): a Newton step from where
- * it led, by conjugate gradients on the semi-definite Hessian there with the factor that is at hand, turned
- * with the cloth (turn.h). */
+/* Takes out the false stretch that the step from START has made (Maratos' effect): Newton steps from where it
+ * led. What is known of that step stays. */
 static drape_status take_out_false_stretch(struct dr_state *s, drape_error *reterr)
 {
-    bool more = true;
+    bool more = true, corrected = s->corrected, cut = s->cut, negative = s->negative;
+    double residual_energy = s->row.residual_energy;
     drape_status status = DRAPE_OK;
+    s->corrected = false;
     for (int i = 0; i < MOST_PASSES && more && status >= 0; i++)
         status = pass(s, &more, reterr);
+    s->corrected = corrected;
+    s->cut = cut;
+    s->negative = negative;
+    s->row.residual_energy = residual_energy;
     return status;
 }
 
@@ -640,7 +563,7 @@ static drape_status chords(struct dr_state *s, drape_error *reterr)
         double strain, foreseen = 0.5 * dr_state_dot(s, s->f, s->w);
         dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
         double drop = s->row.energy.potential - look_ahead(s, &there);
-        if (!isfinite(drop) || (foreseen > noise_of(s) && drop < GOOD_FIT * foreseen))
+        if (!isfinite(drop) || foreseen < -noise_of(s) || drop < GOOD_FIT * foreseen - noise_of(s))
             return DRAPE_OK;
         s->strain = strain;
         dr_state_arrive(s, &there);
@@ -666,14 +589,14 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
     if (status < 0 || s->gave_up)
         return status;
     s->row.time_step = s->h;
-    if (status >= 0 && s->gaps)
+    if (s->gaps) {
         status = touch(s, reterr);
-    if (status >= 0 && s->gaps)
-        status = descend(s, reterr);
-    if (status < 0)
-        return status;
-    if (s->gaps)
+        if (status >= 0)
+            status = descend(s, reterr);
+        if (status < 0)
+            return status;
         s->shortened = shorten(s, s->whole || s->corrected ? MOST_TRUE : MOST_STRAIN);
+    }
     s->predicted = predict(s);
     if (s->cautious)
         s->cautious--;
@@ -791,9 +714,11 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &s->strain);
     double potential = look_ahead(s, &there);
     s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
-    bool correct = s->gaps && isfinite(potential) && false_stretch > FALSE_PART * fabs(s->predicted);
+    bool chord = s->gaps && s->whole && s->ratio > GOOD_FIT; /* which take it out, too */
+    bool correct =
+        s->gaps && !chord && isfinite(potential) && false_stretch > FALSE_PART * fabs(s->predicted);
     drape_status status = correct ? settle_corrected(s, &there, reterr) : settle(s, &there, reterr);
-    if (status >= 0 && s->gaps && s->whole && s->ratio > GOOD_FIT)
+    if (status >= 0 && chord)
         status = chords(s, reterr);
     s->row.linear_iterations = s->solves;
     s->sim->stage[DR_STAGE_MOVE] += dr_clock() - accounted(s) - began;

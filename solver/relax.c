@@ -427,7 +427,6 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
         }
         stop_or_go(s);
         renew_anchors(s);
-        s->row.factorizations = 0;
         if (s->sim->report.method == DRAPE_METHOD_VELOCITY_CORRECTION)
             dr_state_correct(s);
         drape_status status = s->method->assess(s, reterr);
@@ -435,6 +434,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
             return status;
         record(s);
         keep_best(s);
+        s->row.factorizations = 0;
         drape_verdict verdict;
         const char *reason = ending(s, &verdict);
         if (reason) {

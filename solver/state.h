@@ -32,7 +32,7 @@ struct dr_method {
     drape_status (*advance)(struct dr_state *s, drape_error *reterr);
 };
 
-#define DR_MAX_EXTRA 9
+#define DR_MAX_EXTRA 8
 
 struct dr_state { /* arrays are 3*nodes */
     struct drape_sim *sim;

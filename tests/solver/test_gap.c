@@ -46,7 +46,7 @@ static void make(struct scene *s, size_t bodies, double height)
     assert_int_equal(dr_body_new(&ball, 1, &s->body[1], NULL), 0);
     assert_int_equal(dr_contact_new(s->mesh, s->body, bodies, &s->contact, NULL), 0);
     assert_int_equal(dr_gaps_new(s->contact, NULL, &s->gaps, NULL), 0);
-    assert_int_equal(dr_gaps_take(s->gaps, s->x, false, NULL), 0);
+    assert_int_equal(dr_gaps_take(s->gaps, s->x, NULL), 0);
 }
 
 static void release(struct scene *s)
@@ -162,10 +162,10 @@ static void test_gap__every_allocation_may_fail(void **state)
     assert_int_equal(held, before);
     assert_int_equal(dr_gaps_new(s.contact, NULL, &gaps, NULL), DRAPE_OK);
     countdown = 0;
-    assert_int_equal(dr_gaps_take(gaps, s.x, false, NULL), DRAPE_ENOMEM);
-    assert_int_equal(dr_gaps_take(gaps, s.x, false, NULL), DRAPE_OK);
+    assert_int_equal(dr_gaps_take(gaps, s.x, NULL), DRAPE_ENOMEM);
+    assert_int_equal(dr_gaps_take(gaps, s.x, NULL), DRAPE_OK);
     countdown = 0;
-    assert_int_equal(dr_gaps_take(gaps, s.x, false, NULL), DRAPE_OK); /* the room is there */
+    assert_int_equal(dr_gaps_take(gaps, s.x, NULL), DRAPE_OK); /* the room is there */
     countdown = -1;
     dr_gaps_free(gaps);
     assert_int_equal(held, before);

@@ -327,7 +327,7 @@ static void test_self__gaps_see_layers_come_together(void **state)
     double w[N] = {0}, g[N] = {0};
     make(&s, 0.004, 0.4, 0);
     assert_int_equal(dr_gaps_new(NULL, s.self, &gaps, NULL), 0);
-    assert_int_equal(dr_gaps_take(gaps, s.x, false, NULL), 0);
+    assert_int_equal(dr_gaps_take(gaps, s.x, NULL), 0);
     assert_true(dr_gaps_surplus(gaps, w, g) == 0);
     for (size_t v = LAYER; v < NODES; v++)
         w[3 * v + 1] = -0.003;
@@ -336,37 +336,6 @@ static void test_self__gaps_see_layers_come_together(void **state)
         s.x[i] += w[i];
     double is = dr_self_energy(s.self, s.x, NULL);
     assert_true(is > 0 && seen > is && seen < 1.5 * is); /* linear gaps are exact but at the rims */
-    dr_gaps_free(gaps);
-    release(&s);
-}
-
-/* What is apart from the matrix has all of its stiffness in the gaps, else only what the step changes. */
-static void test_self__gaps_apart_hold_the_stiffness_themselves(void **state)
-{
-    (void)state;
-    struct scene s;
-    struct dr_gaps *gaps;
-    double w[N] = {0}, g[N] = {0}, p[N] = {0}, y[2][N] = {{0}}, whole = 0;
-    make(&s, 0.0012, 0, 0); /* in touch */
-    for (size_t v = LAYER; v < NODES; v++)
-        p[3 * v + 1] = 1;
-    assert_int_equal(dr_gaps_new(NULL, s.self, &gaps, NULL), 0);
-    for (int apart = 0; apart < 2; apart++) {
-        assert_int_equal(dr_gaps_take(gaps, s.x, apart, NULL), 0);
-        assert_true(dr_gaps_surplus(gaps, w, g) == 0);
-        dr_gaps_add_product(gaps, p, y[apart]);
-    }
-    for (size_t i = 0; i < N; i++) {
-        assert_true(y[0][i] == 0 && g[i] == 0);
-        whole += p[i] * y[1][i];
-    }
-    double step = 1e-7, energy[3]; /* against the second difference of the energy */
-    for (int k = -1; k <= 1; k++) {
-        for (size_t i = 0; i < N; i++)
-            w[i] = s.x[i] + k * step * p[i];
-        energy[k + 1] = dr_self_energy(s.self, w, NULL);
-    }
-    assert_close(whole, (energy[0] - 2 * energy[1] + energy[2]) / (step * step), 1e-3);
     dr_gaps_free(gaps);
     release(&s);
 }
@@ -480,7 +449,6 @@ int main(void)
         cmocka_unit_test(test_self__layers_that_slip_pull_with_coulombs_force),
         cmocka_unit_test(test_self__what_sticks_is_held_over_updates),
         cmocka_unit_test(test_self__gaps_see_layers_come_together),
-        cmocka_unit_test(test_self__gaps_apart_hold_the_stiffness_themselves),
         cmocka_unit_test(test_self__a_step_stops_before_layers_pass),
         cmocka_unit_test(test_self__crossings_are_counted_where_they_are),
         cmocka_unit_test(test_self__tells_when_cloth_is_crowded),
