@@ -20,6 +20,7 @@
 
 #include "analysis.h"
 #include "error.h"
+#include "front.h"
 #include "order.h"
 
 /* Where a block lives in the values. length 0: one of its nodes is held, there is no block. */
@@ -28,7 +29,8 @@ struct slot {
     unsigned length; /* of the first scalar column; top bit: store transposed */
 };
 
-#define TRANSPOSED 0x80000000u
+#define TRANSPOSED  0x80000000u
+#define MOST_DOUBTS 2 /* then every factor is in double */
 
 struct dr_matrix {
     const struct dr_mesh *mesh;
@@ -52,8 +54,11 @@ struct dr_matrix {
     double entries; /* of the factor */
     cholmod_sparse *A;
     cholmod_factor *L;
-    cholmod_dense *w; /* right-hand sides, then solutions: two columns */
-    cholmod_dense *e; /* workspace of the triangular solves */
+    struct dr_front *front; /* NULL: not DR_SINGLE */
+    bool single;            /* the last factor is the front's */
+    int doubts;             /* matrices that single precision could not judge */
+    cholmod_dense *w;       /* right-hand sides, then solutions: two columns */
+    cholmod_dense *e;       /* workspace of the triangular solves */
 };
 
 /* ---- pattern ---------------------------------------------------------------------------------- */
@@ -314,6 +319,13 @@ static bool build_workspace(struct dr_matrix *A)
     return A->w && A->e;
 }
 
+static bool build_front(struct dr_matrix *A)
+{
+    if (A->factor == DR_SINGLE)
+        A->front = dr_front_new(A->A, A->L);
+    return A->front || A->factor != DR_SINGLE;
+}
+
 /* Orders the nodes, lays out the columns and analyses them, or takes order and analysis from `analyses`
  * (NULL: there are none to take and none to keep) and lays out the columns. */
 static bool order_and_analyse(struct dr_matrix *A, const uint32_t *link, size_t links, size_t named,
@@ -332,7 +344,7 @@ static bool order_and_analyse(struct dr_matrix *A, const uint32_t *link, size_t 
     bool built = (found || order_nodes(A, pairs, order)) && renumber(A, order) &&
                  collect_pairs(A->mesh, A->bend, link, links, A->row, &ordered) &&
                  build_columns(A, &ordered) && build_slots(A, link, named) && (found || analyse(A)) &&
-                 build_workspace(A);
+                 build_workspace(A) && build_front(A);
     free(ordered.key);
     if (built && analyses && !found) {
         analysis.L = A->L;
@@ -379,6 +391,8 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
 /* Frees what build made. */
 static void raze(struct dr_matrix *A)
 {
+    A->front = dr_front_free(A->front);
+    A->single = false;
     cholmod_free_sparse(&A->A, &A->common);
     cholmod_free_factor(&A->L, &A->common);
     cholmod_free_dense(&A->w, &A->common);
@@ -403,7 +417,7 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     cholmod_start(&A->common);
     A->common.print = 0;
     A->common.quick_return_if_not_posdef = true;
-    A->common.final_ll = factor == DR_CHOLESKY;
+    A->common.final_ll = factor != DR_LDL;
     A->mesh = mesh;
     A->bend = bend;
     A->factor = factor;
@@ -457,7 +471,7 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
                  blocks * sizeof *A->block_row + (A->free + 6 * A->mesh->triangles) * sizeof(struct slot) +
                  A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) + entries * sizeof *A->base +
                  count_bends(A) * sizeof(struct slot);
-    return own + A->common.memory_usage;
+    return own + (A->front ? dr_front_bytes(A->front) : 0) + A->common.memory_usage;
 }
 
 size_t dr_matrix_bytes_to_come(const struct dr_matrix *A)
@@ -476,6 +490,25 @@ size_t dr_matrix_free_nodes(const struct dr_matrix *A)
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A)
 {
     return A->factor;
+}
+
+bool dr_matrix_is_single(const struct dr_matrix *A)
+{
+    return A->single;
+}
+
+bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor)
+{
+    assert(A->factor != DR_LDL && factor != DR_LDL);
+    if (factor == A->factor || (factor == DR_SINGLE && A->doubts == MOST_DOUBTS))
+        return true;
+    if (factor == DR_SINGLE && A->free && !(A->front = dr_front_new(A->A, A->L)))
+        return false;
+    if (factor == DR_CHOLESKY)
+        A->front = dr_front_free(A->front);
+    A->factor = factor;
+    A->single = false;
+    return true;
 }
 
 double dr_matrix_flops(const struct dr_matrix *A)
@@ -651,26 +684,35 @@ static void multiply_diagonal(const double *column[3], const double *p, double *
     }
 }
 
+/* q_i += B p_j and ret_j += B' p_i for a block B, whose columns begin at c0, c1 and c2. */
+static inline void multiply_block(const double *c0, const double *c1, const double *c2, const double *pi,
+                                  const double pj[3], double *restrict qi, double ret_j[3])
+{
+    for (int r = 0; r < 3; r++) {
+        qi[r] = qi[r] + c0[r] * pj[0] + c1[r] * pj[1] + c2[r] * pj[2];
+        ret_j[0] += c0[r] * pi[r];
+        ret_j[1] += c1[r] * pi[r];
+        ret_j[2] += c2[r] * pi[r];
+    }
+}
+
 void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q)
 {
+    const int *start = A->free ? A->A->p : NULL;
     memset(q, 0, 3 * A->mesh->nodes * sizeof *q);
-    for (size_t j = 0; j < A->free; j++) {
-        const int *start = (const int *)A->A->p + 3 * j;
-        const double *value = A->A->x, *pj = p + 3 * (size_t)A->node[j];
-        const double *column[3] = {value + start[0], value + start[1], value + start[2]};
-        double *qj = q + 3 * (size_t)A->node[j];
+    for (size_t j = 0; j < A->free; j++, start += 3) {
+        const double *value = A->A->x, *column[3] = {value + start[0], value + start[1], value + start[2]};
+        double *qj = q + 3 * (size_t)A->node[j], sum[3];
+        double pj[3];
+        memcpy(pj, p + 3 * (size_t)A->node[j], sizeof pj);
         multiply_diagonal(column, pj, qj);
-        for (int c = 0; c < 3; c++)
-            column[c] += 3 - c;
-        for (size_t k = A->block_start[j] + 1; k < A->block_start[j + 1]; k++) {
+        memcpy(sum, qj, sizeof sum);
+        const double *c0 = column[0] + 3, *c1 = column[1] + 2, *c2 = column[2] + 1;
+        for (size_t k = A->block_start[j] + 1; k < A->block_start[j + 1]; k++, c0 += 3, c1 += 3, c2 += 3) {
             size_t at = 3 * (size_t)A->node[A->block_row[k]];
-            for (int c = 0; c < 3; c++)
-                for (size_t r = 0; r < 3; r++) {
-                    double entry = *column[c]++;
-                    q[at + r] += entry * pj[c];
-                    qj[c] += entry * p[at + r];
-                }
+            multiply_block(c0, c1, c2, p + at, pj, q + at, sum);
         }
+        memcpy(qj, sum, sizeof sum);
     }
 }
 
@@ -678,9 +720,17 @@ void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q)
 
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
 {
-    *ret_memory = false;
+    *ret_memory = A->single = false;
     if (!A->free)
         return true;
+    if (A->factor == DR_SINGLE) {
+        enum dr_front_result result = dr_front_factorise(A->front);
+        A->single = result == DR_FRONT_DONE;
+        if (result != DR_FRONT_UNCERTAIN)
+            return A->single;
+        if (++A->doubts == MOST_DOUBTS)
+            dr_matrix_prefer(A, DR_CHOLESKY);
+    }
     A->common.status = CHOLMOD_OK;
     bool done = cholmod_factorize(A->A, A->L, &A->common);
     *ret_memory = A->common.status == CHOLMOD_OUT_OF_MEMORY;
@@ -699,7 +749,10 @@ bool dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[],
     for (size_t k = 0; k < count; k++)
         for (size_t j = 0; j < A->free; j++)
             memcpy(value + k * w.d + 3 * j, b[k] + 3 * (size_t)A->node[j], 3 * sizeof *value);
-    if (A->factor == DR_CHOLESKY) {
+    if (A->single) {
+        for (size_t k = 0; k < count; k++)
+            dr_front_solve(A->front, value + k * w.d);
+    } else if (A->factor != DR_LDL) {
         /* In place and without the permutations of cholmod_solve: the numbering is the elimination order. */
         cholmod_super_lsolve(A->L, &w, A->e, &A->common);
         cholmod_super_ltsolve(A->L, &w, A->e, &A->common);

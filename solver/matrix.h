@@ -16,6 +16,7 @@ struct dr_matrix;
 enum dr_factor {
     DR_CHOLESKY, /* supernodal LL'; tells when the matrix is not positive definite */
     DR_LDL,      /* simplicial LDL', no pivoting: for indefinite matrices, ten times slower and more */
+    DR_SINGLE,   /* LL' in single precision (front.h), a preconditioner; DR_CHOLESKY where that cannot tell */
     DR_FACTORS
 };
 
@@ -37,9 +38,18 @@ drape_status dr_matrix_rebend(struct dr_matrix *A, const struct dr_bend_stiffnes
 
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
-size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* of the factor, until the first factorisation */
+size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* at most, with the next factorisation */
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
+
+/* Whether the last factor is in single precision: what dr_matrix_solve does with it is right to some digits
+ * only, and conjugate gradients with dr_matrix_multiply do the rest. */
+bool dr_matrix_is_single(const struct dr_matrix *A);
+
+/* From now on factorises by DR_CHOLESKY, or by DR_SINGLE again, which a matrix that single precision could
+ * twice not tell to be positive definite does no more. False: out of memory, and nothing is changed.
+ * Only of a matrix made for one of the two; there is no factor until the next factorisation. */
+bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor);
 
 /* Floating-point operations of one factorisation, which the analysis has counted, and entries of the factor.
  */
@@ -79,15 +89,15 @@ void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9]);
 void dr_matrix_lower_by_round_off(struct dr_matrix *A);
 
 /* Factorises A into memory kept from call to call (analysed in dr_matrix_new). False: A is not positive
- * definite (DR_CHOLESKY) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
+ * definite (DR_CHOLESKY, DR_SINGLE) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);
 
 /* q = A p, as it is assembled. Both 3*nodes; held nodes are ignored in p and zero in q. */
 void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q);
 
-/* Solves A w_k = b_k for `count` (1 or 2) right-hand sides with the last factor, which must have
- * succeeded (DR_LDL: one side, and false when memory ran out); b and w are 3*nodes per side, held nodes are
- * ignored in b and zero in w. */
+/* Solves A w_k = b_k, nearly so if dr_matrix_is_single, for `count` (1 or 2) right-hand sides with the last
+ * factor, which must have succeeded (DR_LDL: one side, and false when memory ran out); b and w are 3*nodes
+ * per side, held nodes are ignored in b and zero in w. */
 bool dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[], double *const w[]);
 
 #endif

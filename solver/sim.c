@@ -133,10 +133,11 @@ bool dr_sim_interrupted(const struct drape_sim *sim)
 
 /* A factorisation cannot be broken off, but how many operations it takes is known beforehand. How fast
  * they go the last one tells; the first is taken to be as fast as a busy or modest core: CHOLMOD's LL' does
- * 10 to 30 Gflop/s on an idle one, its LDL' 1.2 to 2.6. */
+ * 10 to 30 Gflop/s on an idle one, its LDL' 1.2 to 2.6. The factor in single precision may fall back on LL'.
+ */
 static bool has_time(const struct drape_sim *sim, const struct dr_matrix *A)
 {
-    static const double cautious[DR_FACTORS] = {[DR_CHOLESKY] = 5e9, [DR_LDL] = 1e9};
+    static const double cautious[DR_FACTORS] = {[DR_CHOLESKY] = 5e9, [DR_LDL] = 1e9, [DR_SINGLE] = 5e9};
     enum dr_factor factor = dr_matrix_factor(A);
     double rate = sim->factor_rate[factor] > 0 ? sim->factor_rate[factor] : cautious[factor];
     double left = sim->began + sim->options.time_limit - dr_clock();

@@ -1,0 +1,542 @@
+/* front.c - see front.h.
+ *
+ * A supernode's columns are a panel: the rows of its pivots first, then those below, each part padded to a
+ * multiple of STRIP rows, the columns to a multiple of 4 (of the unit matrix). A panel's diagonal is zero in
+ * memory; the pivots' inverses stand for it.
+ *
+ * What a supernode leaves to its parent waits on one of two stacks, by the parity of its depth: so a front
+ * never lies where one of its children does, and nothing is moved. Where it lies is known beforehand. */
+#include "front.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STRIP       16
+#define LEAST_PIVOT 0x1p-18f /* of a diagonal of 1 to 4; single round-off is 2^-24 of each term */
+#define CURVED      1e-12    /* curvature that double round-off cannot make, of the terms it sums */
+#define NONE        UINT32_MAX
+
+/* A panel's shape and place, as the kernels want it. */
+struct panel {
+    float *value, *inverse;
+    size_t columns; /* a multiple of 4 */
+    size_t pivots;  /* rows of pivots, padded */
+    size_t rows;    /* all, padded */
+    size_t lead;    /* from column to column */
+    size_t updates; /* columns that are left to the parent, a multiple of 4 */
+    size_t lead_update;
+};
+
+struct kernels {
+    size_t (*factorise)(
+        const struct panel *panel); /* columns done; all but `columns`: a pivot is too small */
+    void (*multiply)(const struct panel *panel, float *update);
+    void (*forward)(const struct panel *panel, float *x);
+    void (*backward)(const struct panel *panel, size_t columns, size_t rows, float *x);
+};
+
+#if defined(__x86_64__)
+#define LANES        16
+#define WIDE         16
+#define TARGET       __attribute__((target("avx512f")))
+#define KERNEL(name) name##_avx512
+#include "front_kernels.h"
+
+#define LANES        8
+#define WIDE         4
+#define TARGET       __attribute__((target("avx2,fma")))
+#define KERNEL(name) name##_avx2
+#include "front_kernels.h"
+#endif
+
+#define LANES 4
+#define WIDE  4
+#define TARGET
+#define KERNEL(name) name##_any
+#include "front_kernels.h"
+
+/* Rows of what a child leaves that are neighbours in its parent, too: all among its pivots or all below. */
+struct run {
+    uint32_t from; /* among the rows below the child's pivots */
+    uint32_t to;   /* in the parent's panel */
+    uint32_t length;
+};
+
+struct node {
+    size_t panel;  /* in `value` */
+    size_t update; /* in `stack` */
+    uint32_t column, columns, below;
+    const int *row; /* below: of A */
+    size_t first_run, runs;
+    uint32_t first_child, next_child; /* NONE: no more */
+};
+
+struct dr_front {
+    const cholmod_sparse *A;
+    const struct kernels *kernels;
+    size_t nodes;
+    struct node *node;
+    struct run *run;
+    uint32_t *place; /* of each of A's blocks, by columns: row in its supernode's panel */
+    double *scale;   /* A's rows */
+    float *inverse;  /* of the pivots, padded as the panels are: of node i from padded[i] */
+    size_t *padded;
+    float *value, *stack, *x; /* aligned */
+    float *work;              /* longest panel */
+    void *memory;             /* that these four share */
+    size_t bytes;
+};
+
+static size_t pad(size_t count, size_t to)
+{
+    return (count + to - 1) / to * to;
+}
+
+/* Columns a multiple of 512 bytes apart would share a few lines of the cache. */
+static size_t lead_of(size_t rows)
+{
+    return rows / STRIP % 8 || !rows ? rows : rows + STRIP;
+}
+
+static struct panel panel_of(const struct dr_front *front, size_t i)
+{
+    const struct node *node = front->node + i;
+    size_t pivots = pad(node->columns, STRIP), below = pad(node->below, STRIP);
+    return (struct panel){.value = front->value ? front->value + node->panel : NULL,
+                          .inverse = front->inverse ? front->inverse + front->padded[i] : NULL,
+                          .columns = pad(node->columns, 4),
+                          .pivots = pivots,
+                          .rows = pivots + below,
+                          .lead = lead_of(pivots + below),
+                          .updates = pad(node->below, 4),
+                          .lead_update = lead_of(below)};
+}
+
+/* ---- plan --------------------------------------------------------------------------------------- */
+
+/* The row in the panel of a row of A, which the node has; *hint rows below the pivots come before it. */
+static uint32_t place_of(const struct node *node, int row, size_t *hint)
+{
+    if ((uint32_t)row < node->column + node->columns)
+        return (uint32_t)row - node->column;
+    while (node->row[*hint] < row)
+        ++*hint;
+    return (uint32_t)(pad(node->columns, STRIP) + *hint);
+}
+
+/* Finds the runs of a node in its parent and appends them, if there is where. */
+static size_t find_runs(const struct node *node, const struct node *parent, struct run *run)
+{
+    size_t runs = 0, hint = 0, pivots = pad(parent->columns, STRIP);
+    uint32_t expected = NONE;
+    for (uint32_t i = 0; i < node->below; i++, expected++) {
+        uint32_t place = place_of(parent, node->row[i], &hint);
+        if (place != expected || place == pivots) {
+            if (run)
+                run[runs] = (struct run){i, place, 0};
+            runs++;
+            expected = place;
+        }
+        if (run)
+            run[runs - 1].length++;
+    }
+    return runs;
+}
+
+static void lay_out_nodes(struct dr_front *front, const cholmod_factor *L)
+{
+    const int *super = L->super, *start = L->pi, *row = L->s;
+    size_t inverses = 0;
+    for (size_t i = 0; i < front->nodes; i++) {
+        struct node *node = front->node + i;
+        uint32_t columns = (uint32_t)(super[i + 1] - super[i]);
+        *node = (struct node){.column = (uint32_t)super[i],
+                              .columns = columns,
+                              .below = (uint32_t)(start[i + 1] - start[i]) - columns,
+                              .row = row + start[i] + columns,
+                              .first_child = NONE,
+                              .next_child = NONE};
+        front->padded[i] = inverses;
+        inverses += pad(columns, 4);
+    }
+}
+
+/* *parent: of each node, NONE: it is a root. Children are listed in ascending order. */
+static void find_parents(struct dr_front *front, uint32_t *of_column, uint32_t *parent)
+{
+    for (size_t i = 0; i < front->nodes; i++)
+        for (uint32_t k = 0; k < front->node[i].columns; k++)
+            of_column[front->node[i].column + k] = (uint32_t)i;
+    for (size_t i = front->nodes; i-- > 0;) {
+        struct node *node = front->node + i;
+        parent[i] = node->below ? of_column[node->row[0]] : NONE;
+        if (parent[i] != NONE) {
+            node->next_child = front->node[parent[i]].first_child;
+            front->node[parent[i]].first_child = (uint32_t)i;
+        }
+    }
+}
+
+static bool find_all_runs(struct dr_front *front, const uint32_t *parent)
+{
+    size_t runs = 0;
+    for (size_t i = 0; i < front->nodes; i++)
+        runs += parent[i] == NONE ? 0 : find_runs(front->node + i, front->node + parent[i], NULL);
+    front->run = malloc((runs + 1) * sizeof *front->run);
+    if (!front->run)
+        return false;
+    runs = 0;
+    for (size_t i = 0; i < front->nodes; i++) {
+        struct node *node = front->node + i;
+        node->first_run = runs;
+        node->runs =
+            parent[i] == NONE ? 0 : find_runs(node, front->node + parent[i], front->run + node->first_run);
+        runs += node->runs;
+    }
+    front->bytes += (runs + 1) * sizeof *front->run;
+    return true;
+}
+
+/* Where each panel and each update lies. depth: room for one number a node. */
+static void lay_out_memory(struct dr_front *front, const uint32_t *parent, uint32_t *depth, size_t *values,
+                           size_t *stacked, size_t *longest)
+{
+    size_t top[2] = {0, 0}, most[2] = {0, 0};
+    *values = *longest = 0;
+    for (size_t i = front->nodes; i-- > 0;)
+        depth[i] = parent[i] == NONE ? 0 : depth[parent[i]] + 1;
+    for (size_t i = 0; i < front->nodes; i++) {
+        struct node *node = front->node + i;
+        struct panel panel = panel_of(front, i);
+        int mine = depth[i] & 1;
+        node->panel = *values;
+        *values += panel.columns * panel.lead;
+        *longest = panel.rows > *longest ? panel.rows : *longest;
+        if (node->first_child != NONE)
+            top[!mine] = front->node[node->first_child].update;
+        node->update = top[mine];
+        top[mine] += panel.updates * panel.lead_update;
+        most[mine] = top[mine] > most[mine] ? top[mine] : most[mine];
+    }
+    for (size_t i = 0; i < front->nodes; i++)
+        front->node[i].update += depth[i] & 1 ? most[0] : 0;
+    *stacked = most[0] + most[1];
+}
+
+static bool find_places(struct dr_front *front)
+{
+    const int *p = front->A->p, *row = front->A->i;
+    size_t blocks = 0;
+    for (size_t j = 0; j < front->A->ncol; j += 3)
+        blocks += (size_t)(p[j + 1] - p[j]) / 3;
+    front->place = malloc(blocks * sizeof *front->place);
+    if (!front->place)
+        return false;
+    uint32_t *place = front->place;
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        for (size_t j = node->column; j < node->column + node->columns; j += 3) {
+            size_t hint = 0;
+            for (int k = p[j]; k < p[j + 1]; k += 3)
+                *place++ = place_of(node, row[k], &hint);
+        }
+    }
+    front->bytes += blocks * sizeof *front->place;
+    return true;
+}
+
+/* What `memory` holds, behind one another from a multiple of 64 bytes. */
+static bool share_memory(struct dr_front *front, size_t values, size_t stacked, size_t longest)
+{
+    size_t work = pad(longest, STRIP), x = pad(front->A->nrow, STRIP);
+    size_t bytes = (values + stacked + work + x + STRIP) * sizeof(float);
+    front->memory = malloc(bytes);
+    if (!front->memory)
+        return false;
+    front->value = (float *)(((uintptr_t)front->memory + 63) & ~(uintptr_t)63);
+    front->stack = front->value + values;
+    front->work = front->stack + stacked;
+    front->x = front->work + work;
+    front->bytes += bytes;
+    return true;
+}
+
+static const struct kernels *choose_kernels(void)
+{
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx512f"))
+        return &kernels_avx512;
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+        return &kernels_avx2;
+#endif
+    return &kernels_any;
+}
+
+static bool plan(struct dr_front *front, uint32_t *of_column, uint32_t *parent)
+{
+    size_t values, stacked, longest;
+    find_parents(front, of_column, parent);
+    if (!find_all_runs(front, parent) || !find_places(front))
+        return false;
+    lay_out_memory(front, parent, of_column, &values, &stacked, &longest);
+    return share_memory(front, values, stacked, longest);
+}
+
+struct dr_front *dr_front_new(const cholmod_sparse *A, const cholmod_factor *L)
+{
+    struct dr_front *front = calloc(1, sizeof *front);
+    if (!front)
+        return NULL;
+    size_t n = A->nrow, inverses = n + 3 * L->nsuper;
+    front->A = A;
+    front->kernels = choose_kernels();
+    front->nodes = L->nsuper;
+    front->node = malloc(front->nodes * sizeof *front->node);
+    front->padded = malloc(front->nodes * sizeof *front->padded);
+    front->scale = malloc(n * sizeof *front->scale);
+    front->inverse = malloc(inverses * sizeof *front->inverse);
+    front->bytes = sizeof *front + front->nodes * (sizeof *front->node + sizeof *front->padded) +
+                   n * sizeof *front->scale + inverses * sizeof *front->inverse;
+    uint32_t *of_column = malloc(n * sizeof *of_column), *parent = malloc(front->nodes * sizeof *parent);
+    bool built = front->node && front->padded && front->scale && front->inverse && of_column && parent;
+    if (built) {
+        lay_out_nodes(front, L);
+        built = plan(front, of_column, parent);
+    }
+    free(of_column);
+    free(parent);
+    return built ? front : dr_front_free(front);
+}
+
+struct dr_front *dr_front_free(struct dr_front *front)
+{
+    if (front) {
+        free(front->node);
+        free(front->run);
+        free(front->place);
+        free(front->scale);
+        free(front->inverse);
+        free(front->padded);
+        free(front->memory);
+        free(front);
+    }
+    return NULL;
+}
+
+size_t dr_front_bytes(const struct dr_front *front)
+{
+    return front->bytes;
+}
+
+/* ---- factor ------------------------------------------------------------------------------------- */
+
+/* The power of two that brings a diagonal entry to 1 .. 4. */
+static double scale_of(double entry)
+{
+    int exponent;
+    frexp(entry, &exponent);
+    return ldexp(1, -((exponent - 1) >> 1));
+}
+
+/* Whether the diagonal is positive. */
+static enum dr_front_result find_scales(struct dr_front *front)
+{
+    const int *p = front->A->p;
+    const double *value = front->A->x;
+    for (size_t j = 0; j < front->A->ncol; j++) {
+        double entry = value[p[j]]; /* a column begins with its diagonal */
+        if (!(entry > 0) || isinf(entry))
+            return entry <= 0 ? DR_FRONT_INDEFINITE : DR_FRONT_UNCERTAIN;
+        front->scale[j] = scale_of(entry);
+    }
+    return DR_FRONT_DONE;
+}
+
+/* Adds the columns of A that are the panel's; *place: of its first block. Returns that of the next panel's.
+ */
+static const uint32_t *assemble(const struct dr_front *front, const struct node *node,
+                                const struct panel *panel, const uint32_t *place)
+{
+    const int *p = front->A->p, *row = front->A->i;
+    const double *value = front->A->x, *scale = front->scale;
+    for (size_t j = node->column; j < node->column + node->columns; j += 3) {
+        size_t blocks = (size_t)(p[j + 1] - p[j]) / 3;
+        for (size_t c = 0; c < 3; c++) {
+            float *column = panel->value + (j - node->column + c) * panel->lead;
+            const double *entry = value + p[j + c], of_column = scale[j + c];
+            for (size_t r = c; r < 3; r++)
+                column[place[0] + r] = (float)(*entry++ * of_column * scale[j + r]);
+            for (size_t k = 1; k < blocks; k++) {
+                const double *of_row = scale + row[p[j] + 3 * (int)k];
+                for (size_t r = 0; r < 3; r++)
+                    column[place[k] + r] = (float)(*entry++ * of_column * of_row[r]);
+            }
+        }
+        place += blocks;
+    }
+    return place;
+}
+
+static inline void add_run(float *restrict to, const float *restrict from, size_t length)
+{
+    for (size_t i = 0; i < length; i++)
+        to[i] += from[i];
+}
+
+/* Adds what a child left in columns from .. end - 1 of its runs to columns of `to`, whose row 0 is the
+ * parent's `base`. */
+static void add_columns(const struct dr_front *front, const struct node *child, size_t lead_child,
+                        bool pivots, const struct panel *parent, float *to, size_t lead, size_t base)
+{
+    const float *update = front->stack + child->update;
+    const struct run *run = front->run + child->first_run, *end = run + child->runs;
+    for (; run < end; run++) {
+        if ((run->to < parent->pivots) != pivots)
+            continue;
+        for (size_t j = 0; j < run->length; j++) {
+            const float *from = update + (run->from + j) * lead_child;
+            float *column = to + (run->to + j - base) * lead;
+            add_run(column + run->to + j - base, from + run->from + j, run->length - j);
+            for (const struct run *other = run + 1; other < end; other++)
+                add_run(column + other->to - base, from + other->from, other->length);
+        }
+    }
+}
+
+/* Adds what the children left: to the panel, or to what the parent leaves itself. */
+static void add_children(const struct dr_front *front, const struct node *node, const struct panel *panel,
+                         bool pivots)
+{
+    for (uint32_t i = node->first_child; i != NONE; i = front->node[i].next_child) {
+        size_t lead = panel_of(front, i).lead_update;
+        if (pivots)
+            add_columns(front, front->node + i, lead, true, panel, panel->value, panel->lead, 0);
+        else
+            add_columns(front, front->node + i, lead, false, panel, front->stack + node->update,
+                        panel->lead_update, panel->pivots);
+    }
+}
+
+static void clear(const struct node *node, const struct panel *panel)
+{
+    memset(panel->value, 0, panel->columns * panel->lead * sizeof *panel->value);
+    for (size_t k = node->columns; k < panel->columns; k++)
+        panel->value[k * panel->lead + k] = 1;
+}
+
+/* x = L^-T x for the nodes before `end`. */
+static void go_backward(const struct dr_front *front, size_t end)
+{
+    float *work = front->work, *x = front->x;
+    for (size_t i = end; i-- > 0;) {
+        const struct node *node = front->node + i;
+        struct panel panel = panel_of(front, i);
+        memcpy(work, x + node->column, node->columns * sizeof *work);
+        memset(work + node->columns, 0, (panel.pivots - node->columns) * sizeof *work);
+        for (size_t k = 0; k < node->below; k++)
+            work[panel.pivots + k] = x[node->row[k]];
+        memset(work + panel.pivots + node->below, 0,
+               (panel.rows - panel.pivots - node->below) * sizeof *work);
+        front->kernels->backward(&panel, panel.columns, panel.rows, work);
+        memcpy(x + node->column, work, node->columns * sizeof *work);
+    }
+}
+
+/* Whether A curves down along x, which is scaled. */
+static bool curves_down(const struct dr_front *front)
+{
+    const int *p = front->A->p, *row = front->A->i;
+    const double *value = front->A->x, *scale = front->scale;
+    double curvature = 0, size = 0;
+    for (size_t j = 0; j < front->A->ncol; j++) {
+        double of_column = (double)front->x[j] * scale[j];
+        for (int k = p[j]; of_column != 0 && k < p[j + 1]; k++) { /* off the diagonal twice */
+            double term =
+                (k > p[j] ? 2 : 1) * value[k] * of_column * (double)front->x[row[k]] * scale[row[k]];
+            curvature += term;
+            size += fabs(term);
+        }
+    }
+    return curvature < -CURVED * size;
+}
+
+/* The pivot in that column of a node is too small, or below zero. Then A should curve down along the column
+ * of L^-T that the pivot is about. */
+static enum dr_front_result judge(struct dr_front *front, size_t i, size_t column)
+{
+    const struct node *node = front->node + i;
+    struct panel panel = panel_of(front, i);
+    float *work = front->work;
+    memset(front->x, 0, pad(front->A->nrow, STRIP) * sizeof *front->x);
+    memset(work, 0, panel.rows * sizeof *work);
+    for (size_t k = column; k < panel.columns; k++)
+        panel.inverse[k] = 0;
+    work[column] = 1;
+    for (size_t k = column; k-- > 0;) {
+        float sum = 0;
+        for (size_t r = k + 1; r <= column; r++)
+            sum += panel.value[k * panel.lead + r] * work[r];
+        work[k] = -sum * panel.inverse[k];
+    }
+    memcpy(front->x + node->column, work, node->columns * sizeof *work);
+    go_backward(front, i);
+    return curves_down(front) ? DR_FRONT_INDEFINITE : DR_FRONT_UNCERTAIN;
+}
+
+enum dr_front_result dr_front_factorise(struct dr_front *front)
+{
+    const uint32_t *place = front->place;
+    enum dr_front_result result = find_scales(front);
+    for (size_t i = 0; i < front->nodes && result == DR_FRONT_DONE; i++) {
+        const struct node *node = front->node + i;
+        struct panel panel = panel_of(front, i);
+        clear(node, &panel);
+        place = assemble(front, node, &panel, place);
+        add_children(front, node, &panel, true);
+        size_t done = front->kernels->factorise(&panel);
+        if (done < panel.columns)
+            return judge(front, i, done);
+        front->kernels->multiply(&panel, front->stack + node->update);
+        add_children(front, node, &panel, false);
+    }
+    return result;
+}
+
+/* ---- solve -------------------------------------------------------------------------------------- */
+
+static void go_forward(const struct dr_front *front)
+{
+    float *work = front->work, *x = front->x;
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        struct panel panel = panel_of(front, i);
+        memcpy(work, x + node->column, node->columns * sizeof *work);
+        memset(work + node->columns, 0, (panel.rows - node->columns) * sizeof *work);
+        front->kernels->forward(&panel, work);
+        memcpy(x + node->column, work, node->columns * sizeof *work);
+        for (size_t k = 0; k < node->below; k++)
+            x[node->row[k]] += work[panel.pivots + k];
+    }
+}
+
+void dr_front_solve(struct dr_front *front, double *x)
+{
+    size_t n = front->A->nrow;
+    double largest = 0;
+    int exponent;
+    for (size_t i = 0; i < n; i++)
+        largest = fmax(largest, fabs(x[i] * front->scale[i]));
+    if (largest == 0)
+        return;
+    frexp(largest, &exponent);
+    double down = ldexp(1, -exponent), up = ldexp(1, exponent);
+    for (size_t i = 0; i < n; i++)
+        front->x[i] = (float)(x[i] * front->scale[i] * down);
+    go_forward(front);
+    go_backward(front, front->nodes);
+    for (size_t i = 0; i < n; i++)
+        x[i] = (double)front->x[i] * front->scale[i] * up;
+}

@@ -1,0 +1,239 @@
+/* front_kernels.h - the dense kernels of front.c, which includes it once for each instruction set.
+ *
+ * It takes LANES, the floats of a vector; WIDE, the columns of a tile, as many as registers hold, 4 or 16;
+ * TARGET, an attribute of functions; and KERNEL(name). All work is done on strips of STRIP rows, on whose
+ * multiples all columns begin and end, padded by zeros. */
+#define VECTOR  KERNEL(vector)
+#define PARTS   (STRIP / LANES) /* vectors of a strip */
+#define inlined static inline __attribute__((always_inline)) TARGET
+
+typedef float VECTOR __attribute__((vector_size(4 * LANES), may_alias));
+
+inlined void KERNEL(load)(VECTOR tile[][PARTS], const int w, const float *from, size_t lead)
+{
+#pragma GCC unroll 16
+    for (int j = 0; j < w; j++)
+#pragma GCC unroll 4
+        for (int p = 0; p < PARTS; p++)
+            tile[j][p] = ((const VECTOR *)(from + (size_t)j * lead))[p];
+}
+
+inlined void KERNEL(store)(VECTOR tile[][PARTS], const int w, float *to, size_t lead)
+{
+#pragma GCC unroll 16
+    for (int j = 0; j < w; j++)
+#pragma GCC unroll 4
+        for (int p = 0; p < PARTS; p++)
+            ((VECTOR *)(to + (size_t)j * lead))[p] = tile[j][p];
+}
+
+/* tile -= A B' of a strip A and w rows B of `depth` columns. */
+inlined void KERNEL(subtract)(VECTOR tile[][PARTS], const int w, const float *a, const float *b, size_t lead,
+                              size_t depth)
+{
+    for (size_t k = 0; k < depth; k++, a += lead, b += lead) {
+        VECTOR part[PARTS];
+#pragma GCC unroll 4
+        for (int p = 0; p < PARTS; p++)
+            part[p] = ((const VECTOR *)a)[p];
+#pragma GCC unroll 16
+        for (int j = 0; j < w; j++)
+#pragma GCC unroll 4
+            for (int p = 0; p < PARTS; p++)
+                tile[j][p] -= part[p] * b[j];
+    }
+}
+
+/* tile = tile L^-T */
+inlined void KERNEL(divide)(VECTOR tile[][PARTS], const int w, float L[][STRIP], const float *inverse)
+{
+#pragma GCC unroll 16
+    for (int k = 0; k < w; k++)
+#pragma GCC unroll 4
+        for (int p = 0; p < PARTS; p++) {
+            tile[k][p] *= inverse[k];
+#pragma GCC unroll 16
+            for (int j = k + 1; j < w; j++)
+                tile[j][p] -= tile[k][p] * L[k][j];
+        }
+}
+
+/* L of w columns whose first w rows are a symmetric matrix's lower triangle, and the inverses of its pivots.
+ * Returns w or, the columns before it being done, the first one whose pivot is too small. */
+inlined int KERNEL(factorise_block)(float L[][STRIP], const int w, float *inverse)
+{
+    for (int k = 0; k < w; k++) {
+        if (!(L[k][k] > LEAST_PIVOT))
+            return k;
+        inverse[k] = 1 / sqrtf(L[k][k]);
+        VECTOR *of_k = (VECTOR *)L[k];
+        for (int p = 0; p < PARTS; p++)
+            of_k[p] *= inverse[k];
+        for (int j = k + 1; j < w; j++)
+            for (int p = 0; p < PARTS; p++)
+                ((VECTOR *)L[j])[p] -= of_k[p] * L[k][j];
+    }
+    return w;
+}
+
+/* Puts L where it belongs, `at` rows down a strip; zeros above it and on its diagonal, for which there are
+ * the inverses. */
+inlined void KERNEL(put)(float L[][STRIP], const int w, size_t at, float *strip, size_t lead)
+{
+    for (int j = 0; j < w; j++, strip += lead) {
+        for (size_t i = 0; i <= at + (size_t)j; i++)
+            strip[i] = 0;
+        for (int i = j + 1; i < w; i++)
+            strip[at + (size_t)i] = L[j][i];
+    }
+}
+
+/* Columns k .. k + w - 1, those before them being done; returns as factorise_block does. */
+inlined int KERNEL(factorise_columns)(const struct panel *panel, size_t k, const int w)
+{
+    _Alignas(64) float L[WIDE][STRIP] = {{0}};
+    VECTOR tile[WIDE][PARTS];
+    const size_t lead = panel->lead, first = k / STRIP * STRIP, at = k - first;
+    const float *rows = panel->value + k; /* of these columns */
+    float *column = panel->value + k * lead, *inverse = panel->inverse + k;
+
+    KERNEL(load)(tile, w, column + first, lead);
+    KERNEL(subtract)(tile, w, panel->value + first, rows, lead, k);
+    KERNEL(store)(tile, w, column + first, lead);
+    for (int j = 0; j < w; j++)
+        memcpy(L[j], column + (size_t)j * lead + k, (size_t)w * sizeof(float));
+    int done = KERNEL(factorise_block)(L, w, inverse);
+    if (at + (size_t)w < STRIP && done == w) {
+        KERNEL(divide)(tile, w, L, inverse);
+        KERNEL(store)(tile, w, column + first, lead);
+    }
+    KERNEL(put)(L, w, at, column + first, lead);
+    for (size_t i = first + STRIP; i < panel->rows && done == w; i += STRIP) {
+        KERNEL(load)(tile, w, column + i, lead);
+        KERNEL(subtract)(tile, w, panel->value + i, rows, lead, k);
+        KERNEL(divide)(tile, w, L, inverse);
+        KERNEL(store)(tile, w, column + i, lead);
+    }
+    return done;
+}
+
+TARGET static size_t KERNEL(factorise_panel)(const struct panel *panel)
+{
+    for (size_t k = 0, done = 0; k < panel->columns; k += WIDE) {
+        switch (panel->columns - k) {
+#if WIDE == 16
+        case 4:
+            done = (size_t)KERNEL(factorise_columns)(panel, k, 4);
+            break;
+        case 8:
+            done = (size_t)KERNEL(factorise_columns)(panel, k, 8);
+            break;
+        case 12:
+            done = (size_t)KERNEL(factorise_columns)(panel, k, 12);
+            break;
+#endif
+        default:
+            done = (size_t)KERNEL(factorise_columns)(panel, k, WIDE);
+        }
+        if (done < WIDE && k + done < panel->columns)
+            return k + done;
+    }
+    return panel->columns;
+}
+
+inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, const int w, float *to)
+{
+    const float *below = panel->value + panel->pivots;
+    for (size_t i = k / STRIP * STRIP; i < panel->rows - panel->pivots; i += STRIP) {
+        VECTOR tile[WIDE][PARTS] = {{{0}}};
+        KERNEL(subtract)(tile, w, below + i, below + k, panel->lead, panel->columns);
+        KERNEL(store)(tile, w, to + k * panel->lead_update + i, panel->lead_update);
+    }
+}
+
+/* update = -B B' (lower triangle) of the rows B below the pivots. */
+TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *update)
+{
+    for (size_t k = 0; k < panel->updates; k += WIDE)
+        switch (panel->updates - k) {
+#if WIDE == 16
+        case 4:
+            KERNEL(multiply_columns)(panel, k, 4, update);
+            break;
+        case 8:
+            KERNEL(multiply_columns)(panel, k, 8, update);
+            break;
+        case 12:
+            KERNEL(multiply_columns)(panel, k, 12, update);
+            break;
+#endif
+        default:
+            KERNEL(multiply_columns)(panel, k, WIDE, update);
+        }
+}
+
+/* x: the panel's rows. Solves with the pivots' rows and subtracts what that makes in those below. */
+TARGET static void KERNEL(forward)(const struct panel *panel, float *x)
+{
+    const size_t lead = panel->lead;
+    for (size_t k = 0; k < panel->columns; k += 4) {
+        const float *a = panel->value + k * lead, *b = a + lead, *c = b + lead, *d = c + lead;
+        const float *inverse = panel->inverse + k;
+        float xa = x[k] * inverse[0], xb = (x[k + 1] - a[k + 1] * xa) * inverse[1];
+        float xc = (x[k + 2] - a[k + 2] * xa - b[k + 2] * xb) * inverse[2];
+        float xd = (x[k + 3] - a[k + 3] * xa - b[k + 3] * xb - c[k + 3] * xc) * inverse[3];
+        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES)
+            *(VECTOR *)(x + i) -= *(const VECTOR *)(a + i) * xa + *(const VECTOR *)(b + i) * xb +
+                                  *(const VECTOR *)(c + i) * xc + *(const VECTOR *)(d + i) * xd;
+        x[k] = xa, x[k + 1] = xb, x[k + 2] = xc, x[k + 3] = xd;
+    }
+}
+
+inlined float KERNEL(sum)(const VECTOR *v)
+{
+    float part[LANES];
+    memcpy(part, v, sizeof part);
+#pragma GCC unroll 4
+    for (int half = LANES / 2; half; half /= 2)
+#pragma GCC unroll 8
+        for (int i = 0; i < half; i++)
+            part[i] += part[i + half];
+    return part[0];
+}
+
+/* The transposed: the rows below are given, those of the first `columns` pivots solved for. */
+TARGET static void KERNEL(backward)(const struct panel *panel, size_t columns, size_t rows, float *x)
+{
+    const size_t lead = panel->lead;
+    for (size_t k = columns; k > 0;) {
+        k -= 4;
+        const float *a = panel->value + k * lead, *b = a + lead, *c = b + lead, *d = c + lead;
+        const float *inverse = panel->inverse + k;
+        float xa = x[k], xb = x[k + 1], xc = x[k + 2], xd = x[k + 3];
+        VECTOR sum[4] = {{0}};
+        x[k] = x[k + 1] = x[k + 2] = x[k + 3] = 0;
+        for (size_t i = k / STRIP * STRIP; i < rows; i += LANES) {
+            VECTOR of_x = *(VECTOR *)(x + i);
+            sum[0] += *(const VECTOR *)(a + i) * of_x;
+            sum[1] += *(const VECTOR *)(b + i) * of_x;
+            sum[2] += *(const VECTOR *)(c + i) * of_x;
+            sum[3] += *(const VECTOR *)(d + i) * of_x;
+        }
+        xd = (xd - KERNEL(sum)(sum + 3)) * inverse[3];
+        xc = (xc - KERNEL(sum)(sum + 2) - c[k + 3] * xd) * inverse[2];
+        xb = (xb - KERNEL(sum)(sum + 1) - b[k + 2] * xc - b[k + 3] * xd) * inverse[1];
+        xa = (xa - KERNEL(sum)(sum) - a[k + 1] * xb - a[k + 2] * xc - a[k + 3] * xd) * inverse[0];
+        x[k] = xa, x[k + 1] = xb, x[k + 2] = xc, x[k + 3] = xd;
+    }
+}
+
+static const struct kernels KERNEL(kernels) = {KERNEL(factorise_panel), KERNEL(multiply_panel),
+                                               KERNEL(forward), KERNEL(backward)};
+
+#undef VECTOR
+#undef PARTS
+#undef inlined
+#undef LANES
+#undef WIDE
+#undef TARGET
+#undef KERNEL
