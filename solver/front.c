@@ -35,7 +35,7 @@ struct kernels {
         const struct panel *panel); /* columns done; all but `columns`: a pivot is too small */
     void (*multiply)(const struct panel *panel, float *update);
     void (*forward)(const struct panel *panel, float *x);
-    void (*backward)(const struct panel *panel, size_t columns, size_t rows, float *x);
+    void (*backward)(const struct panel *panel, float *x);
 };
 
 #if defined(__x86_64__)
@@ -440,7 +440,7 @@ static void go_backward(const struct dr_front *front, size_t end)
             work[panel.pivots + k] = x[node->row[k]];
         memset(work + panel.pivots + node->below, 0,
                (panel.rows - panel.pivots - node->below) * sizeof *work);
-        front->kernels->backward(&panel, panel.columns, panel.rows, work);
+        front->kernels->backward(&panel, work);
         memcpy(x + node->column, work, node->columns * sizeof *work);
     }
 }

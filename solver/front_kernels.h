@@ -172,6 +172,16 @@ TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *upda
         }
 }
 
+/* The factor is read from memory, and panels are too short for the processor to foresee what comes next:
+ * while four columns are at work, the four beside them are fetched. */
+inlined void KERNEL(fetch)(const float *column, size_t lead)
+{
+    __builtin_prefetch(column);
+    __builtin_prefetch(column + lead);
+    __builtin_prefetch(column + 2 * lead);
+    __builtin_prefetch(column + 3 * lead);
+}
+
 /* x: the panel's rows. Solves with the pivots' rows and subtracts what that makes in those below. */
 TARGET static void KERNEL(forward)(const struct panel *panel, float *x)
 {
@@ -182,9 +192,11 @@ TARGET static void KERNEL(forward)(const struct panel *panel, float *x)
         float xa = x[k] * inverse[0], xb = (x[k + 1] - a[k + 1] * xa) * inverse[1];
         float xc = (x[k + 2] - a[k + 2] * xa - b[k + 2] * xb) * inverse[2];
         float xd = (x[k + 3] - a[k + 3] * xa - b[k + 3] * xb - c[k + 3] * xc) * inverse[3];
-        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES)
+        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES) {
+            KERNEL(fetch)(a + 4 * lead + i, lead);
             *(VECTOR *)(x + i) -= *(const VECTOR *)(a + i) * xa + *(const VECTOR *)(b + i) * xb +
                                   *(const VECTOR *)(c + i) * xc + *(const VECTOR *)(d + i) * xd;
+        }
         x[k] = xa, x[k + 1] = xb, x[k + 2] = xc, x[k + 3] = xd;
     }
 }
@@ -201,19 +213,20 @@ inlined float KERNEL(sum)(const VECTOR *v)
     return part[0];
 }
 
-/* The transposed: the rows below are given, those of the first `columns` pivots solved for. */
-TARGET static void KERNEL(backward)(const struct panel *panel, size_t columns, size_t rows, float *x)
+/* The transposed: the rows below are given, those of the pivots solved for. */
+TARGET static void KERNEL(backward)(const struct panel *panel, float *x)
 {
     const size_t lead = panel->lead;
-    for (size_t k = columns; k > 0;) {
+    for (size_t k = panel->columns; k > 0;) {
         k -= 4;
         const float *a = panel->value + k * lead, *b = a + lead, *c = b + lead, *d = c + lead;
         const float *inverse = panel->inverse + k;
         float xa = x[k], xb = x[k + 1], xc = x[k + 2], xd = x[k + 3];
         VECTOR sum[4] = {{0}};
         x[k] = x[k + 1] = x[k + 2] = x[k + 3] = 0;
-        for (size_t i = k / STRIP * STRIP; i < rows; i += LANES) {
+        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES) {
             VECTOR of_x = *(VECTOR *)(x + i);
+            KERNEL(fetch)(a - 4 * lead + i, lead);
             sum[0] += *(const VECTOR *)(a + i) * of_x;
             sum[1] += *(const VECTOR *)(b + i) * of_x;
             sum[2] += *(const VECTOR *)(c + i) * of_x;
