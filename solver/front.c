@@ -13,6 +13,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #define STRIP       16
 #define LEAST_PIVOT 0x1p-18f /* of a diagonal of 1 to 4; single round-off is 2^-24 of each term */
@@ -248,6 +249,17 @@ static bool find_places(struct dr_front *front)
     return true;
 }
 
+/* A factor of many megabytes is gone through again and again: large pages save a tenth of the time, and most
+ * of what first touching it takes. The system may decline. */
+static void ask_for_large_pages(void *memory, size_t bytes)
+{
+    const uintptr_t page = 4096;
+    uintptr_t first = ((uintptr_t)memory + page - 1) & ~(page - 1),
+              end = ((uintptr_t)memory + bytes) & ~(page - 1);
+    if (first < end)
+        madvise((void *)first, end - first, MADV_HUGEPAGE);
+}
+
 /* What `memory` holds, behind one another from a multiple of 64 bytes. */
 static bool share_memory(struct dr_front *front, size_t values, size_t stacked, size_t longest)
 {
@@ -256,6 +268,7 @@ static bool share_memory(struct dr_front *front, size_t values, size_t stacked, 
     front->memory = malloc(bytes);
     if (!front->memory)
         return false;
+    ask_for_large_pages(front->memory, bytes);
     front->value = (float *)(((uintptr_t)front->memory + 63) & ~(uintptr_t)63);
     front->stack = front->value + values;
     front->work = front->stack + stacked;

@@ -30,7 +30,7 @@ struct slot {
 };
 
 #define TRANSPOSED  0x80000000u
-#define MOST_DOUBTS 2 /* then every factor is in double */
+#define MOST_DOUBTS 2 /* running; then every factor is in double */
 
 struct dr_matrix {
     const struct dr_mesh *mesh;
@@ -56,7 +56,7 @@ struct dr_matrix {
     cholmod_factor *L;
     struct dr_front *front; /* NULL: not DR_SINGLE */
     bool single;            /* the last factor is the front's */
-    int doubts;             /* matrices that single precision could not judge */
+    int doubts;             /* matrices, one after the other, that single precision could not judge */
     cholmod_dense *w;       /* right-hand sides, then solutions: two columns */
     cholmod_dense *e;       /* workspace of the triangular solves */
 };
@@ -726,9 +726,10 @@ bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
     if (A->factor == DR_SINGLE) {
         enum dr_front_result result = dr_front_factorise(A->front);
         A->single = result == DR_FRONT_DONE;
-        if (result != DR_FRONT_UNCERTAIN)
+        A->doubts = result == DR_FRONT_UNCERTAIN ? A->doubts + 1 : 0;
+        if (!A->doubts)
             return A->single;
-        if (++A->doubts == MOST_DOUBTS)
+        if (A->doubts == MOST_DOUBTS)
             dr_matrix_prefer(A, DR_CHOLESKY);
     }
     A->common.status = CHOLMOD_OK;

@@ -46,9 +46,10 @@ enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
  * only, and conjugate gradients with dr_matrix_multiply do the rest. */
 bool dr_matrix_is_single(const struct dr_matrix *A);
 
-/* From now on factorises by DR_CHOLESKY, or by DR_SINGLE again, which a matrix that single precision could
- * twice not tell to be positive definite does no more. False: out of memory, and nothing is changed.
- * Only of a matrix made for one of the two; there is no factor until the next factorisation. */
+/* From now on factorises by DR_CHOLESKY, or by DR_SINGLE again. A matrix of which single precision could
+ * twice running not tell whether it is positive definite stays with DR_CHOLESKY, whatever is asked. False:
+ * out of memory, and nothing is changed. Only of a matrix made for one of the two; there is no factor until
+ * the next factorisation. */
 bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor);
 
 /* Floating-point operations of one factorisation, which the analysis has counted, and entries of the factor.
