@@ -172,14 +172,14 @@ TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *upda
         }
 }
 
-/* The factor is read from memory, and panels are too short for the processor to foresee what comes next:
- * while four columns are at work, the four beside them are fetched. */
-inlined void KERNEL(fetch)(const float *column, size_t lead)
+/* Four strips' worth of the factor, which is read from memory, panel by panel from end to end; panels are too
+ * short for the processor to foresee that. */
+inlined void KERNEL(fetch)(const float *ahead)
 {
-    __builtin_prefetch(column);
-    __builtin_prefetch(column + lead);
-    __builtin_prefetch(column + 2 * lead);
-    __builtin_prefetch(column + 3 * lead);
+    __builtin_prefetch(ahead);
+    __builtin_prefetch(ahead + STRIP);
+    __builtin_prefetch(ahead + 2 * STRIP);
+    __builtin_prefetch(ahead + 3 * STRIP);
 }
 
 /* x: the panel's rows. Solves with the pivots' rows and subtracts what that makes in those below. */
@@ -187,13 +187,15 @@ TARGET static void KERNEL(forward)(const struct panel *panel, float *x)
 {
     const size_t lead = panel->lead;
     for (size_t k = 0; k < panel->columns; k += 4) {
+        const size_t first = k / STRIP * STRIP;
         const float *a = panel->value + k * lead, *b = a + lead, *c = b + lead, *d = c + lead;
         const float *inverse = panel->inverse + k;
         float xa = x[k] * inverse[0], xb = (x[k + 1] - a[k + 1] * xa) * inverse[1];
         float xc = (x[k + 2] - a[k + 2] * xa - b[k + 2] * xb) * inverse[2];
         float xd = (x[k + 3] - a[k + 3] * xa - b[k + 3] * xb - c[k + 3] * xc) * inverse[3];
-        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES) {
-            KERNEL(fetch)(a + 4 * lead + i, lead);
+        for (size_t i = first; i < panel->rows; i += LANES) {
+            if (i % STRIP == 0)
+                KERNEL(fetch)(a + 4 * (i - first) + AHEAD);
             *(VECTOR *)(x + i) -= *(const VECTOR *)(a + i) * xa + *(const VECTOR *)(b + i) * xb +
                                   *(const VECTOR *)(c + i) * xc + *(const VECTOR *)(d + i) * xd;
         }
@@ -219,14 +221,16 @@ TARGET static void KERNEL(backward)(const struct panel *panel, float *x)
     const size_t lead = panel->lead;
     for (size_t k = panel->columns; k > 0;) {
         k -= 4;
+        const size_t first = k / STRIP * STRIP;
         const float *a = panel->value + k * lead, *b = a + lead, *c = b + lead, *d = c + lead;
         const float *inverse = panel->inverse + k;
         float xa = x[k], xb = x[k + 1], xc = x[k + 2], xd = x[k + 3];
         VECTOR sum[4] = {{0}};
         x[k] = x[k + 1] = x[k + 2] = x[k + 3] = 0;
-        for (size_t i = k / STRIP * STRIP; i < panel->rows; i += LANES) {
+        for (size_t i = first; i < panel->rows; i += LANES) {
             VECTOR of_x = *(VECTOR *)(x + i);
-            KERNEL(fetch)(a - 4 * lead + i, lead);
+            if (i % STRIP == 0)
+                KERNEL(fetch)(a + 4 * (i - first) - AHEAD);
             sum[0] += *(const VECTOR *)(a + i) * of_x;
             sum[1] += *(const VECTOR *)(b + i) * of_x;
             sum[2] += *(const VECTOR *)(c + i) * of_x;
