@@ -20,6 +20,7 @@ struct dr_body {
     struct dr_nearest *nearest; /* mesh that moves; else NULL */
     double *positions;          /* mesh: 3*vertices; else NULL */
     size_t vertices;
+    size_t moves; /* dr_body_move's */
 };
 
 static double dot(const double a[3], const double b[3])
@@ -114,6 +115,12 @@ void dr_body_move(struct dr_body *body, const double *positions)
 {
     memcpy(body->positions, positions, 3 * body->vertices * sizeof *positions);
     dr_nearest_move(body->nearest);
+    body->moves++;
+}
+
+size_t dr_body_moves(const struct dr_body *body)
+{
+    return body->moves;
 }
 
 void dr_body_nearest(const struct dr_body *body, const double x[3], struct dr_place *ret)

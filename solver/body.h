@@ -58,6 +58,9 @@ drape_status dr_body_new_moving(const drape_body *desc, struct dr_body **ret, dr
 /* Moves it to `positions` (3*vertices). */
 void dr_body_move(struct dr_body *body, const double *positions);
 
+/* How often it has been moved. */
+size_t dr_body_moves(const struct dr_body *body);
+
 /* The nearest point of a mesh that moves. */
 void dr_body_nearest(const struct dr_body *body, const double x[3], struct dr_place *ret);
 

@@ -20,6 +20,11 @@ struct pattern {
     size_t points;
 };
 
+/* The distance of one sample to one body. */
+struct sight {
+    double phi, n[3]; /* m, its gradient; INFINITY: out of reach */
+};
+
 struct dr_contact {
     const struct dr_mesh *mesh;
     struct dr_body **body; /* bodies; the array is ours, the bodies are not */
@@ -29,6 +34,12 @@ struct dr_contact {
     struct point *point;                               /* of all patterns in use */
     struct pattern pattern[DR_CONTACT_MAX_PIECES + 1]; /* by pieces; empty where not in use */
     size_t points, samples;                            /* of the patterns; of the cloth, nodes included */
+
+    /* Where the cloth was last looked at: energy, Hessian, loads and gaps ask for one x after another. */
+    bool looked;
+    size_t moves;        /* of the bodies, then */
+    double *at;          /* 3*nodes */
+    struct sight *sight; /* samples*bodies, bodies of one sample together */
 };
 
 /* ---- where the cloth is sampled -------------------------------------------------------------- */
@@ -96,6 +107,14 @@ static bool make_patterns(struct dr_contact *contact)
     return true;
 }
 
+static bool make_sights(struct dr_contact *contact)
+{
+    size_t sights = contact->samples * contact->bodies;
+    contact->at = malloc((3 * contact->mesh->nodes + 1) * sizeof *contact->at);
+    contact->sight = malloc((sights + 1) * sizeof *contact->sight);
+    return contact->at && contact->sight;
+}
+
 /* ---- made and freed -------------------------------------------------------------------------- */
 
 drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *body, size_t bodies,
@@ -113,14 +132,16 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
     bool ok = contact->body && contact->node_area && contact->pieces;
     for (size_t t = 0; ok && t < mesh->triangles; t++)
         contact->pieces[t] = count_pieces(mesh, t);
-    if (!ok || !make_patterns(contact)) {
+    ok = ok && make_patterns(contact);
+    for (size_t t = 0; ok && t < mesh->triangles; t++)
+        contact->samples += contact->pattern[contact->pieces[t]].points;
+    if (!ok || !make_sights(contact)) {
         dr_contact_free(contact);
         return dr_out_of_memory(reterr);
     }
     for (size_t b = 0; b < bodies; b++)
         contact->body[b] = body[b];
     for (size_t t = 0; t < mesh->triangles; t++) {
-        contact->samples += contact->pattern[contact->pieces[t]].points;
         for (int k = 0; k < 3; k++)
             contact->node_area[mesh->triangle[3 * t + (size_t)k]] += mesh->area[t] / 3;
     }
@@ -135,6 +156,8 @@ struct dr_contact *dr_contact_free(struct dr_contact *contact)
         free(contact->node_area);
         free(contact->pieces);
         free(contact->point);
+        free(contact->at);
+        free(contact->sight);
         free(contact);
     }
     return NULL;
@@ -144,7 +167,9 @@ size_t dr_contact_bytes(const struct dr_contact *contact)
 {
     return sizeof *contact + contact->bodies * sizeof(struct dr_body *) +
            contact->mesh->nodes * sizeof *contact->node_area +
-           contact->mesh->triangles * sizeof *contact->pieces + contact->points * sizeof *contact->point;
+           contact->mesh->triangles * sizeof *contact->pieces + contact->points * sizeof *contact->point +
+           3 * contact->mesh->nodes * sizeof *contact->at +
+           contact->samples * contact->bodies * sizeof *contact->sight;
 }
 
 /* ---- the penalty ----------------------------------------------------------------------------- */
@@ -159,22 +184,6 @@ struct dr_penalty dr_penalty(double stiffness, double offset, double depth)
                                    stiffness * s / w};
     return (struct dr_penalty){stiffness * (w * w / 6 + w * e / 2 + e * e / 2), stiffness * (w / 2 + e),
                                stiffness};
-}
-
-/* What one body does to one point. */
-struct touch {
-    struct dr_penalty psi;
-    double n[3]; /* gradient of the distance */
-};
-
-/* False when the point at x does not feel the body. `stiffness`: kappa times the sample's area, N/m. */
-static bool touch_body(const struct dr_body *body, const double x[3], double stiffness, struct touch *ret)
-{
-    double phi, offset = dr_body_offset(body);
-    if (!dr_body_distance(body, x, &phi, ret->n) || phi >= offset)
-        return false;
-    ret->psi = dr_penalty(stiffness, offset, offset - phi);
-    return true;
 }
 
 static double node_stiffness(const struct dr_contact *contact, size_t node)
@@ -195,38 +204,107 @@ static void locate(const struct point *point, const uint32_t corner[3], const do
         ret[d] = point->share[0] * a[d] + point->share[1] * b[d] + point->share[2] * c[d];
 }
 
+/* ---- the distances --------------------------------------------------------------------------- */
+
+static void look_from(const struct dr_contact *contact, const double x[3], struct sight *sight)
+{
+    for (size_t b = 0; b < contact->bodies; b++)
+        if (!dr_body_distance(contact->body[b], x, &sight[b].phi, sight[b].n))
+            sight[b].phi = INFINITY;
+}
+
+static size_t count_moves(const struct dr_contact *contact)
+{
+    size_t moves = 0;
+    for (size_t b = 0; b < contact->bodies; b++)
+        moves += dr_body_moves(contact->body[b]);
+    return moves;
+}
+
+static bool has_looked(const struct dr_contact *contact, const double *x)
+{
+    return contact->looked && contact->moves == count_moves(contact) &&
+           !memcmp(contact->at, x, 3 * contact->mesh->nodes * sizeof *x);
+}
+
+/* The distances of all samples at x: of the nodes, then of the triangles' points. */
+static const struct sight *look(struct dr_contact *contact, const double *x)
+{
+    const struct dr_mesh *mesh = contact->mesh;
+    struct sight *sight = contact->sight;
+    if (has_looked(contact, x))
+        return contact->sight;
+    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies)
+        look_from(contact, x + 3 * v, sight);
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        const struct pattern *pattern = contact->pattern + contact->pieces[t];
+        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+            double at[3];
+            locate(p, mesh->triangle + 3 * t, x, at);
+            look_from(contact, at, sight);
+            sight += contact->bodies;
+        }
+    }
+    memcpy(contact->at, x, 3 * mesh->nodes * sizeof *x);
+    contact->moves = count_moves(contact);
+    contact->looked = true;
+    return contact->sight;
+}
+
+/* Whether a sample feels a body at all; few do. */
+static bool touches(const struct dr_contact *contact, const struct sight *sight)
+{
+    for (size_t b = 0; b < contact->bodies; b++)
+        if (sight[b].phi < dr_body_offset(contact->body[b]))
+            return true;
+    return false;
+}
+
+static struct dr_penalty press(const struct dr_body *body, const struct sight *sight, double stiffness)
+{
+    double offset = dr_body_offset(body);
+    return dr_penalty(stiffness, offset, offset - sight->phi);
+}
+
+/* ---- the sums -------------------------------------------------------------------------------- */
+
 /* Energy of one sample against all bodies; its gradient is written to g. */
-static double sample_energy(const struct dr_contact *contact, const double x[3], double stiffness,
+static double sample_energy(const struct dr_contact *contact, const struct sight *sight, double stiffness,
                             double g[3])
 {
     double energy = 0;
     g[0] = g[1] = g[2] = 0;
     for (size_t b = 0; b < contact->bodies; b++) {
-        struct touch touch;
-        if (!touch_body(contact->body[b], x, stiffness, &touch))
+        struct dr_penalty psi = press(contact->body[b], sight + b, stiffness);
+        if (!(psi.force > 0))
             continue;
-        energy += touch.psi.energy;
+        energy += psi.energy;
         for (int d = 0; d < 3; d++)
-            g[d] -= touch.psi.force * touch.n[d]; /* ds = -n.dx */
+            g[d] -= psi.force * sight[b].n[d]; /* ds = -n.dx */
     }
     return energy;
 }
 
-double dr_contact_energy(const struct dr_contact *contact, const double *x, double *g)
+double dr_contact_energy(struct dr_contact *contact, const double *x, double *g)
 {
     const struct dr_mesh *mesh = contact->mesh;
-    double energy = 0, sample[3], at[3];
-    for (size_t v = 0; v < mesh->nodes; v++) {
-        energy += sample_energy(contact, x + 3 * v, node_stiffness(contact, v), sample);
+    const struct sight *sight = look(contact, x);
+    double energy = 0, sample[3];
+    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies) {
+        if (!touches(contact, sight))
+            continue;
+        energy += sample_energy(contact, sight, node_stiffness(contact, v), sample);
         for (int d = 0; g && d < 3; d++)
             g[3 * v + (size_t)d] += sample[d];
     }
     for (size_t t = 0; t < mesh->triangles; t++) {
         const uint32_t *corner = mesh->triangle + 3 * t;
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
-        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
-            locate(p, corner, x, at);
-            energy += sample_energy(contact, at, point_stiffness(contact, t, p), sample);
+        const struct point *end = pattern->point + pattern->points;
+        for (const struct point *p = pattern->point; p < end; p++, sight += contact->bodies) {
+            if (!touches(contact, sight))
+                continue;
+            energy += sample_energy(contact, sight, point_stiffness(contact, t, p), sample);
             for (int k = 0; g && k < 3; k++)
                 for (int d = 0; d < 3; d++)
                     g[3 * (size_t)corner[k] + (size_t)d] += p->share[k] * sample[d];
@@ -242,66 +320,65 @@ struct loads {
 };
 
 /* Adds what the bodies do to a sample to the loads and grips of the `nodes` that share it. */
-static void add_load(const struct dr_contact *contact, const double x[3], double stiffness,
+static void add_load(const struct dr_contact *contact, const struct sight *sight, double stiffness,
                      const uint32_t *node, const double *share, size_t nodes, const struct loads *to)
 {
     for (size_t b = 0; b < contact->bodies; b++) {
-        struct touch touch;
-        if (!touch_body(contact->body[b], x, stiffness, &touch))
+        struct dr_penalty psi = press(contact->body[b], sight + b, stiffness);
+        const double *n = sight[b].n;
+        if (!(psi.force > 0))
             continue;
-        double length = sqrt(touch.n[0] * touch.n[0] + touch.n[1] * touch.n[1] + touch.n[2] * touch.n[2]);
+        double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
         for (size_t k = 0; k < nodes; k++) {
             size_t v = node[k];
             double mu = to->own[v] + to->rest[v] * dr_body_friction(contact->body[b]);
             for (size_t d = 0; d < 3; d++)
-                to->load[3 * v + d] += share[k] * touch.psi.force * touch.n[d];
-            to->grip[v] += share[k] * mu * touch.psi.force * length;
+                to->load[3 * v + d] += share[k] * psi.force * n[d];
+            to->grip[v] += share[k] * mu * psi.force * length;
         }
     }
 }
 
-void dr_contact_loads(const struct dr_contact *contact, const double *x, const double *own,
-                      const double *rest, double *load, double *grip)
+void dr_contact_loads(struct dr_contact *contact, const double *x, const double *own, const double *rest,
+                      double *load, double *grip)
 {
     const struct dr_mesh *mesh = contact->mesh;
     const struct loads to = {own, rest, load, grip};
+    const struct sight *sight = look(contact, x);
     memset(load, 0, 3 * mesh->nodes * sizeof *load);
     memset(grip, 0, mesh->nodes * sizeof *grip);
-    for (size_t v = 0; v < mesh->nodes; v++)
-        add_load(contact, x + 3 * v, node_stiffness(contact, v), (const uint32_t[]){(uint32_t)v},
-                 (const double[]){1}, 1, &to);
+    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies)
+        if (touches(contact, sight))
+            add_load(contact, sight, node_stiffness(contact, v), (const uint32_t[]){(uint32_t)v},
+                     (const double[]){1}, 1, &to);
     for (size_t t = 0; t < mesh->triangles; t++) {
-        const uint32_t *corner = mesh->triangle + 3 * t;
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
-        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
-            double at[3];
-            locate(p, corner, x, at);
-            add_load(contact, at, point_stiffness(contact, t, p), corner, p->share, 3, &to);
-        }
+        const struct point *end = pattern->point + pattern->points;
+        for (const struct point *p = pattern->point; p < end; p++, sight += contact->bodies)
+            if (touches(contact, sight))
+                add_load(contact, sight, point_stiffness(contact, t, p), mesh->triangle + 3 * t, p->share, 3,
+                         &to);
     }
 }
 
 /* Hessian of one sample, kappa A (psi'' n n' - psi' curvature) summed over the bodies, as the lower triangle
- * xx, yx, yy, zx, zy, zz. False when it is zero. */
-static bool sample_hessian(const struct dr_contact *contact, const double x[3], double stiffness,
-                           double curvature, double H[6])
+ * xx, yx, yy, zx, zy, zz. */
+static void sample_hessian(const struct dr_contact *contact, const double x[3], const struct sight *sight,
+                           double stiffness, double curvature, double H[6])
 {
-    bool any = false;
     memset(H, 0, 6 * sizeof *H);
     for (size_t b = 0; b < contact->bodies; b++) {
-        struct touch touch;
-        if (!touch_body(contact->body[b], x, stiffness, &touch))
+        struct dr_penalty psi = press(contact->body[b], sight + b, stiffness);
+        const double *n = sight[b].n;
+        if (!(psi.force > 0))
             continue;
-        any = true;
         double bent[6] = {0, 0, 0, 0, 0, 0};
         if (curvature > 0)
             dr_body_curvature(contact->body[b], x, bent);
         for (int i = 0, entry = 0; i < 3; i++)
             for (int j = 0; j <= i; j++, entry++)
-                H[entry] +=
-                    touch.psi.curvature * touch.n[i] * touch.n[j] - curvature * touch.psi.force * bent[entry];
+                H[entry] += psi.curvature * n[i] * n[j] - curvature * psi.force * bent[entry];
     }
-    return any;
 }
 
 /* Each pair of corners gets H times the product of the point's shares in their moves. */
@@ -315,20 +392,26 @@ static void add_point(struct dr_matrix *A, size_t t, const struct point *point, 
     dr_matrix_add_triangle(A, t, (const double(*)[9])block);
 }
 
-void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
-                        struct dr_matrix *A)
+void dr_contact_hessian(struct dr_contact *contact, const double *x, double curvature, struct dr_matrix *A)
 {
     const struct dr_mesh *mesh = contact->mesh;
+    const struct sight *sight = look(contact, x);
     double H[6], at[3];
-    for (size_t v = 0; v < mesh->nodes; v++)
-        if (sample_hessian(contact, x + 3 * v, node_stiffness(contact, v), curvature, H))
-            dr_matrix_add_node(A, (uint32_t)v, H);
+    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies) {
+        if (!touches(contact, sight))
+            continue;
+        sample_hessian(contact, x + 3 * v, sight, node_stiffness(contact, v), curvature, H);
+        dr_matrix_add_node(A, (uint32_t)v, H);
+    }
     for (size_t t = 0; t < mesh->triangles; t++) {
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
-        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+        const struct point *end = pattern->point + pattern->points;
+        for (const struct point *p = pattern->point; p < end; p++, sight += contact->bodies) {
+            if (!touches(contact, sight))
+                continue;
             locate(p, mesh->triangle + 3 * t, x, at);
-            if (sample_hessian(contact, at, point_stiffness(contact, t, p), curvature, H))
-                add_point(A, t, p, H);
+            sample_hessian(contact, at, sight, point_stiffness(contact, t, p), curvature, H);
+            add_point(A, t, p, H);
         }
     }
 }
@@ -340,37 +423,40 @@ size_t dr_contact_samples(const struct dr_contact *contact)
     return contact->samples * contact->bodies;
 }
 
-static void visit_bodies(const struct dr_contact *contact, const double x[3], struct dr_sample *sample,
-                         void (*visit)(const struct dr_sample *sample, void *data), void *data)
+static void visit_bodies(const struct dr_contact *contact, const struct sight *sight,
+                         struct dr_sample *sample, void (*visit)(const struct dr_sample *sample, void *data),
+                         void *data)
 {
     for (size_t b = 0; b < contact->bodies; b++) {
-        if (!dr_body_distance(contact->body[b], x, &sample->phi, sample->n))
+        if (!(sight[b].phi < INFINITY))
             continue;
+        sample->phi = sight[b].phi;
+        memcpy(sample->n, sight[b].n, sizeof sample->n);
         sample->offset = dr_body_offset(contact->body[b]);
         visit(sample, data);
     }
 }
 
-void dr_contact_each(const struct dr_contact *contact, const double *x,
+void dr_contact_each(struct dr_contact *contact, const double *x,
                      void (*visit)(const struct dr_sample *sample, void *data), void *data)
 {
     const struct dr_mesh *mesh = contact->mesh;
-    for (size_t v = 0; v < mesh->nodes; v++) {
+    const struct sight *sight = look(contact, x);
+    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies) {
         struct dr_sample sample = {.node = {(uint32_t)v, (uint32_t)v, (uint32_t)v},
                                    .share = {1, 0, 0},
                                    .stiffness = node_stiffness(contact, v)};
-        visit_bodies(contact, x + 3 * v, &sample, visit, data);
+        visit_bodies(contact, sight, &sample, visit, data);
     }
     for (size_t t = 0; t < mesh->triangles; t++) {
         const uint32_t *corner = mesh->triangle + 3 * t;
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
-        for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
+        const struct point *end = pattern->point + pattern->points;
+        for (const struct point *p = pattern->point; p < end; p++, sight += contact->bodies) {
             struct dr_sample sample = {.node = {corner[0], corner[1], corner[2]},
                                        .share = {p->share[0], p->share[1], p->share[2]},
                                        .stiffness = point_stiffness(contact, t, p)};
-            double at[3];
-            locate(p, corner, x, at);
-            visit_bodies(contact, at, &sample, visit, data);
+            visit_bodies(contact, sight, &sample, visit, data);
         }
     }
 }
@@ -389,7 +475,7 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static struct stop look(const struct dr_body *body, const double x[3], const double w[3], double t)
+static struct stop stop_at(const struct dr_body *body, const double x[3], const double w[3], double t)
 {
     struct stop stop = {.t = t, .phi = DR_BODY_REACH};
     double at[3];
@@ -415,12 +501,12 @@ static double walk(const struct dr_body *body, const double x[3], const double w
                    double depth)
 {
     double length = sqrt(dot(w, w));
-    struct stop here = look(body, x, w, 0), outside = here;
+    struct stop here = stop_at(body, x, w, 0), outside = here;
     bool was_outside = here.phi >= 0;
     double lowest = fmin(here.phi, 0) - depth;
     double step = fmax(here.phi - lowest - depth, depth / 2);
     for (int n = 0; n < DR_CONTACT_MAX_WALK && here.t < limit; n++) {
-        struct stop next = look(body, x, w, fmin(here.t + step / length, limit));
+        struct stop next = stop_at(body, x, w, fmin(here.t + step / length, limit));
         bool might_cross = was_outside && step > here.phi; /* else no solid is that near */
         if (next.phi >= lowest && !(might_cross && crossed(&outside, &next))) {
             here = next;

@@ -12,7 +12,8 @@
  * and H the curvature of phi. Steps drop the second part: what is left is positive semi-definite.
  *
  * Sums run in a fixed order: nodes, then triangles and their points; bodies in scene order within each.
- * Nothing is allocated after dr_contact_new. Immutable once made; shareable by threads. */
+ * Nothing is allocated after dr_contact_new. The distances at the last x are kept for the next to ask for the
+ * same. Belongs to one thread. */
 #ifndef DR_CONTACT_H
 #define DR_CONTACT_H
 
@@ -44,12 +45,11 @@ struct dr_contact *dr_contact_free(struct dr_contact *contact); /* NULL is fine;
 size_t dr_contact_bytes(const struct dr_contact *contact);
 
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
-double dr_contact_energy(const struct dr_contact *contact, const double *x, double *g);
+double dr_contact_energy(struct dr_contact *contact, const double *x, double *g);
 
 /* Adds the Hessian at x to A, with `curvature` times the part of the bodies' curvature. 0: positive
  * semi-definite; 1: the true Hessian. */
-void dr_contact_hessian(const struct dr_contact *contact, const double *x, double curvature,
-                        struct dr_matrix *A);
+void dr_contact_hessian(struct dr_contact *contact, const double *x, double curvature, struct dr_matrix *A);
 
 /* One sample within DR_BODY_REACH of one body. */
 struct dr_sample {
@@ -60,15 +60,15 @@ struct dr_sample {
 };
 
 /* Calls `visit` for each of them at x, in the order of the sums; at most dr_contact_samples of them. */
-void dr_contact_each(const struct dr_contact *contact, const double *x,
+void dr_contact_each(struct dr_contact *contact, const double *x,
                      void (*visit)(const struct dr_sample *sample, void *data), void *data);
 size_t dr_contact_samples(const struct dr_contact *contact);
 
 /* The forces of the bodies on the nodes at x, those on a triangle's samples shared by its corners, into load
  * (3*nodes, N), and what of their size friction may hold into grip (nodes, N): the sum over the bodies of
  * force times own + rest times the body's coefficient (nodes each). */
-void dr_contact_loads(const struct dr_contact *contact, const double *x, const double *own,
-                      const double *rest, double *load, double *grip);
+void dr_contact_loads(struct dr_contact *contact, const double *x, const double *own, const double *rest,
+                      double *load, double *grip);
 
 /* Scales down the move w (3*nodes, finite, in place) of each node that would take it too deep into a
  * body, `depth` > 0, m. The straight path from x to x + w is walked by the distances met on the way:

@@ -22,7 +22,7 @@
 #define SELF_PER_VERTEX      900.0 /* pairs that may touch, their tree, anchors */
 #define PIECES_PER_TRIANGLE  420.0 /* of the pieces as they were cut: stretch and bending again */
 #define FIT_PER_TRIANGLE     72.0
-#define TOUCHING_PER_VERTEX  400.0 /* anchors and distances of cloth by bodies */
+#define TOUCHING_PER_VERTEX  560.0 /* anchors and distances of cloth by bodies */
 #define COARSE_PER_TRIANGLE  145.0 /* the coarse mesh and the way up */
 #define NEAREST_PER_TRIANGLE 100.0 /* of a body: the tree that its nearest points are found by */
 

@@ -14,7 +14,7 @@ struct anchor {
 };
 
 struct dr_friction {
-    const struct dr_contact *contact;
+    struct dr_contact *contact;
     size_t nodes;
     struct anchor *anchor; /* nodes */
     double *own, *rest;    /* nodes: the coefficient against a body of mu is own + rest mu */
@@ -42,7 +42,7 @@ void dr_friction_coefficients(const struct dr_mesh *mesh, const drape_material *
     }
 }
 
-drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_mesh *mesh,
+drape_status dr_friction_new(struct dr_contact *contact, const struct dr_mesh *mesh,
                              const drape_material *material, struct dr_friction **ret, drape_error *reterr)
 {
     struct dr_friction *friction = calloc(1, sizeof *friction);

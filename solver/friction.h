@@ -31,7 +31,7 @@ void dr_friction_coefficients(const struct dr_mesh *mesh, const drape_material *
 
 /* No node is anchored before the first update. The contact must outlive it; `material`, as many as the mesh
  * names, need not. */
-drape_status dr_friction_new(const struct dr_contact *contact, const struct dr_mesh *mesh,
+drape_status dr_friction_new(struct dr_contact *contact, const struct dr_mesh *mesh,
                              const drape_material *material, struct dr_friction **ret, drape_error *reterr);
 struct dr_friction *dr_friction_free(struct dr_friction *friction); /* NULL is fine; returns NULL */
 size_t dr_friction_bytes(const struct dr_friction *friction);

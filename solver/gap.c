@@ -17,14 +17,14 @@ struct gap {
 };
 
 struct dr_gaps {
-    const struct dr_contact *contact; /* NULL: no bodies */
-    struct dr_self *self;             /* NULL: the cloth's own parts are left out */
+    struct dr_contact *contact; /* NULL: no bodies */
+    struct dr_self *self;       /* NULL: the cloth's own parts are left out */
     struct gap *gap;
     size_t count, room;
     bool out_of_memory;
 };
 
-drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
+drape_status dr_gaps_new(struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
                          drape_error *reterr)
 {
     struct dr_gaps *gaps = calloc(1, sizeof *gaps);

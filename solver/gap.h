@@ -17,7 +17,7 @@
 struct dr_gaps;
 
 /* Of cloth with bodies and with itself; both must outlive it, and one may be NULL. */
-drape_status dr_gaps_new(const struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
+drape_status dr_gaps_new(struct dr_contact *contact, struct dr_self *self, struct dr_gaps **ret,
                          drape_error *reterr);
 struct dr_gaps *dr_gaps_free(struct dr_gaps *gaps); /* NULL is fine; returns NULL */
 size_t dr_gaps_bytes(const struct dr_gaps *gaps);

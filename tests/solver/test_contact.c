@@ -197,6 +197,35 @@ static void test_contact__each_body_acts_at_its_own_offset(void **state)
     dr_mesh_free(mesh);
 }
 
+/* Distances are kept from one call to the next: they must be those of this x and of where the body is now. */
+static void test_contact__what_is_kept_is_of_this_place_and_posture(void **state)
+{
+    (void)state;
+    struct dr_mesh *mesh = square_mesh(12, 0.1);
+    struct shape box = shape_box((double[]){-0.2, -0.1, -0.2}, (double[]){0.2, 0, 0.2});
+    drape_body desc = shape_body(&box);
+    struct dr_body *body = NULL;
+    desc.offset = 0.004;
+    assert_int_equal(dr_body_new_moving(&desc, &body, NULL), DRAPE_OK);
+    struct dr_contact *contact = make_contact(mesh, &body, 1);
+    double *x = place(mesh, 0.1, 0.003, 0), *y = place(mesh, 0.1, 0.002, 0);
+    double at_x = KAPPA * 0.01 * psi(0.001, 0.002), at_y = KAPPA * 0.01 * psi(0.002, 0.002);
+    assert_close(dr_contact_energy(contact, x, NULL), at_x, 1e-12);
+    assert_close(dr_contact_energy(contact, y, NULL), at_y, 1e-12);
+    assert_close(dr_contact_energy(contact, x, NULL), at_x, 1e-12);
+    assert_close(dr_contact_energy(contact, x, NULL), at_x, 1e-12);
+    for (size_t v = 0; v < box.vertices; v++)
+        box.x[3 * v + 1] += 0.001;
+    dr_body_move(body, box.x);
+    assert_close(dr_contact_energy(contact, x, NULL), at_y, 1e-12);
+    free(x);
+    free(y);
+    dr_contact_free(contact);
+    dr_body_free(body);
+    shape_free(&box);
+    dr_mesh_free(mesh);
+}
+
 static void test_contact__without_bodies_there_is_nothing(void **state)
 {
     (void)state;
@@ -221,7 +250,7 @@ static void test_contact__every_allocation_may_fail(void **state)
 #ifdef CAN_FAIL_ALLOCATIONS
     struct dr_mesh *mesh = square_mesh(2, 0.1);
     struct dr_body *body = make_body(ground);
-    for (long n = 0; n < 5; n++) {
+    for (long n = 0; n < 7; n++) {
         struct dr_contact *contact = NULL;
         drape_error error;
         long before = held;
@@ -688,6 +717,7 @@ int main(void)
         cmocka_unit_test(test_contact__long_triangles_are_sampled_like_short_ones),
         cmocka_unit_test(test_contact__nothing_comes_through_between_the_corners),
         cmocka_unit_test(test_contact__each_body_acts_at_its_own_offset),
+        cmocka_unit_test(test_contact__what_is_kept_is_of_this_place_and_posture),
         cmocka_unit_test(test_contact__without_bodies_there_is_nothing),
         cmocka_unit_test(test_contact__every_allocation_may_fail),
         cmocka_unit_test(test_contact__evaluation_allocates_nothing),
