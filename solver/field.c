@@ -1,7 +1,6 @@
 /* field.c - reading a distance field: the tricubic B-spline and its exact gradient. */
 #include "field.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 /* Inside, on the medial axis, the gradient passes through zero; below this length it is replaced. */
@@ -32,98 +31,120 @@ size_t dr_field_bytes(const struct dr_field *field)
            field->blocks * DR_BLOCK_NODES * sizeof *field->value;
 }
 
-/* The four cubic B-spline weights and their first two derivatives at fraction t of a cell. */
-static void spline_weights(double t, double w[4], double dw[4], double ddw[4])
-{
-    double s = 1 - t;
-    w[0] = s * s * s / 6;
-    w[1] = (4 + t * t * (3 * t - 6)) / 6;
-    w[2] = (4 + s * s * (3 * s - 6)) / 6;
-    w[3] = t * t * t / 6;
-    dw[0] = -s * s / 2;
-    dw[1] = t * (3 * t - 4) / 2;
-    dw[2] = -s * (3 * s - 4) / 2;
-    dw[3] = t * t / 2;
-    ddw[0] = s;
-    ddw[1] = 3 * t - 2;
-    ddw[2] = 3 * s - 2;
-    ddw[3] = t;
-}
+/* Four numbers that the processor may work on at once. */
+typedef double quad __attribute__((vector_size(4 * sizeof(double))));
 
-/* The four nodes of a stencil along one axis: index of their block along it, index within the block. */
-struct stencil_axis {
-    size_t block[4], node[4];
-    double w[4], dw[4], ddw[4];
+/* A stencil of 4x4x4 nodes. */
+struct stencil {
+    size_t first[3];        /* node of the lowest corner, along each axis */
+    quad w[4], dw[4], t, s; /* by node along an axis: B-spline weights and their slopes; in lanes 0..2, by
+                             * axis; fraction of a cell, and 1 less that */
 };
 
-static struct stencil_axis locate(double u)
+static inline __attribute__((always_inline)) void weigh(struct stencil *stencil)
 {
-    struct stencil_axis axis;
-    double cell = floor(u);
-    spline_weights(u - cell, axis.w, axis.dw, axis.ddw);
-    for (size_t c = 0; c < 4; c++) {
-        size_t i = (size_t)cell - 1 + c;
-        axis.block[c] = i / DR_BLOCK;
-        axis.node[c] = i % DR_BLOCK;
-    }
-    return axis;
-}
-
-/* One row of the stencil along x lies in one block or in two neighbours: its value and its slope. */
-static void read_row(const struct dr_field *field, const struct stencil_axis *x, const uint32_t *table,
-                     size_t local, double *ret_value, double *ret_slope)
-{
-    const float *near = field->value + table[x->block[0]] * DR_BLOCK_NODES + local;
-    const float *far = field->value + table[x->block[3]] * DR_BLOCK_NODES + local;
-    *ret_value = *ret_slope = 0;
-    for (int a = 0; a < 4; a++) {
-        double value = (double)(x->block[a] == x->block[0] ? near : far)[x->node[a]];
-        *ret_value += x->w[a] * value;
-        *ret_slope += x->dw[a] * value;
-    }
+    quad t = stencil->t, s = 1 - t;
+    stencil->s = s;
+    stencil->w[0] = s * s * s / 6;
+    stencil->w[1] = (4 + t * t * (3 * t - 6)) / 6;
+    stencil->w[2] = (4 + s * s * (3 * s - 6)) / 6;
+    stencil->w[3] = t * t * t / 6;
+    stencil->dw[0] = -s * s / 2;
+    stencil->dw[1] = t * (3 * t - 4) / 2;
+    stencil->dw[2] = -s * (3 * s - 4) / 2;
+    stencil->dw[3] = t * t / 2;
 }
 
 /* The stencil round x; false when no node of its cell was resolved. */
-static bool locate_cell(const struct dr_field *field, const double x[3], struct stencil_axis axis[3])
+static inline __attribute__((always_inline)) bool locate(const struct dr_field *field, const double x[3],
+                                                         struct stencil *stencil)
 {
+    size_t at = 0, stride = 1; /* of the cell's own block */
+    stencil->t = (quad){0};
     for (int d = 0; d < 3; d++) {
         double u = (x[d] - field->origin[d]) / field->spacing;
         /* Blocks of the outermost layer do not exist. A NaN fails this test, too. */
         if (!(u >= DR_BLOCK && u < (double)DR_BLOCK * (field->side[d] - 1)))
             return false;
-        axis[d] = locate(u);
+        size_t cell = (size_t)u;
+        at += cell / DR_BLOCK * stride;
+        stride *= field->side[d];
+        stencil->first[d] = cell - 1;
+        stencil->t[d] = u - (double)cell;
     }
-    size_t row = field->side[0], layer = row * field->side[1];
     /* Without a block the cell's own node is farther than reach + 3.5 spacings, so x is out of reach. */
-    return field->table[axis[2].block[1] * layer + axis[1].block[1] * row + axis[0].block[1]];
+    return field->table[at];
+}
+
+/* The row of the stencil along x that is b, c from its lowest corner: it lies in one block or in two. */
+static inline __attribute__((always_inline)) const float *
+row_of(const struct dr_field *field, const struct stencil *stencil, size_t b, size_t c, float copy[4])
+{
+    size_t i = stencil->first[0], j = stencil->first[1] + b, k = stencil->first[2] + c;
+    const uint32_t *table =
+        field->table + i / DR_BLOCK + field->side[0] * (j / DR_BLOCK + field->side[1] * (k / DR_BLOCK));
+    size_t local = (k % DR_BLOCK * DR_BLOCK + j % DR_BLOCK) * DR_BLOCK;
+    const float *row = field->value + table[0] * DR_BLOCK_NODES + local;
+    size_t here = DR_BLOCK - i % DR_BLOCK; /* nodes left in this block */
+    row += i % DR_BLOCK;
+    if (here >= 4)
+        return row;
+    const float *next = field->value + table[1] * DR_BLOCK_NODES + local;
+    for (size_t a = 0; a < 4; a++)
+        copy[a] = a < here ? row[a] : next[a - here];
+    return copy;
 }
 
 /* phi = sum w_a w_b w_c value_abc; false out of reach. */
-static bool interpolate(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3])
+static inline __attribute__((always_inline)) bool
+interpolate_in(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3])
 {
-    struct stencil_axis axis[3];
-    if (!locate_cell(field, x, axis))
+    struct stencil stencil;
+    quad along[4], sum = {0}; /* phi and its gradient in one */
+    if (!locate(field, x, &stencil))
         return false;
-    const struct stencil_axis *y = &axis[1], *z = &axis[2];
-    size_t row = field->side[0], layer = row * field->side[1];
-    double phi = 0, grad[3] = {0, 0, 0};
-    for (int c = 0; c < 4; c++) {
-        for (int b = 0; b < 4; b++) {
-            double value, slope;
-            read_row(field, &axis[0], field->table + z->block[c] * layer + y->block[b] * row,
-                     (z->node[c] * DR_BLOCK + y->node[b]) * DR_BLOCK, &value, &slope);
-            phi += y->w[b] * z->w[c] * value;
-            grad[0] += y->w[b] * z->w[c] * slope;
-            grad[1] += y->dw[b] * z->w[c] * value;
-            grad[2] += y->w[b] * z->dw[c] * value;
+    weigh(&stencil);
+    for (size_t a = 0; a < 4; a++) {
+        double w = stencil.w[a][0];
+        along[a] = (quad){w, stencil.dw[a][0], w, w};
+    }
+    for (size_t c = 0; c < 4; c++) {
+        double wz = stencil.w[c][2];
+        quad z = {wz, wz, wz, stencil.dw[c][2]};
+        for (size_t b = 0; b < 4; b++) {
+            double wy = stencil.w[b][1];
+            quad y = {wy, wy, stencil.dw[b][1], wy};
+            float copy[4];
+            const float *row = row_of(field, &stencil, b, c, copy);
+            quad value = along[0] * (double)row[0] + along[1] * (double)row[1] + along[2] * (double)row[2] +
+                         along[3] * (double)row[3];
+            sum += y * z * value;
         }
     }
-    if (phi > field->reach)
+    if (sum[0] > field->reach)
         return false;
-    *ret_phi = phi;
+    *ret_phi = sum[0];
     for (int d = 0; d < 3; d++)
-        ret_grad[d] = grad[d] / field->spacing;
+        ret_grad[d] = sum[d + 1] / field->spacing;
     return true;
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) static bool interpolate_fast(const struct dr_field *field, const double x[3],
+                                                             double *ret_phi, double ret_grad[3])
+{
+    return interpolate_in(field, x, ret_phi, ret_grad);
+}
+#endif
+
+/* The same bytes either way. */
+static bool interpolate(const struct dr_field *field, const double x[3], double *ret_phi, double ret_grad[3])
+{
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx2"))
+        return interpolate_fast(field, x, ret_phi, ret_grad);
+#endif
+    return interpolate_in(field, x, ret_phi, ret_grad);
 }
 
 /* The axis direction along which the distance grows most over one spacing; where it grows along
@@ -158,25 +179,27 @@ bool dr_field_distance(const struct dr_field *field, const double x[3], double *
 
 void dr_field_curvature(const struct dr_field *field, const double x[3], double ret[6])
 {
-    struct stencil_axis axis[3];
+    struct stencil stencil;
     double phi, unused[3], sum[6] = {0, 0, 0, 0, 0, 0};
-    if (!interpolate(field, x, &phi, unused) || !locate_cell(field, x, axis))
+    if (!interpolate(field, x, &phi, unused) || !locate(field, x, &stencil))
         return;
-    size_t row = field->side[0], layer = row * field->side[1];
-    for (int c = 0; c < 4; c++)
-        for (int b = 0; b < 4; b++)
-            for (int a = 0; a < 4; a++) {
-                const struct stencil_axis *X = &axis[0], *Y = &axis[1], *Z = &axis[2];
-                size_t block = field->table[Z->block[c] * layer + Y->block[b] * row + X->block[a]];
-                size_t node = (Z->node[c] * DR_BLOCK + Y->node[b]) * DR_BLOCK + X->node[a];
-                double value = field->value[block * DR_BLOCK_NODES + node];
-                sum[0] += X->ddw[a] * Y->w[b] * Z->w[c] * value;
-                sum[1] += X->dw[a] * Y->dw[b] * Z->w[c] * value;
-                sum[2] += X->w[a] * Y->ddw[b] * Z->w[c] * value;
-                sum[3] += X->dw[a] * Y->w[b] * Z->dw[c] * value;
-                sum[4] += X->w[a] * Y->dw[b] * Z->dw[c] * value;
-                sum[5] += X->w[a] * Y->w[b] * Z->ddw[c] * value;
+    weigh(&stencil);
+    const quad *w = stencil.w, *dw = stencil.dw;
+    const quad ddw[4] = {stencil.s, 3 * stencil.t - 2, 3 * stencil.s - 2, stencil.t};
+    for (size_t c = 0; c < 4; c++)
+        for (size_t b = 0; b < 4; b++) {
+            float copy[4];
+            const float *row = row_of(field, &stencil, b, c, copy);
+            for (size_t a = 0; a < 4; a++) {
+                double value = (double)row[a];
+                sum[0] += ddw[a][0] * w[b][1] * w[c][2] * value;
+                sum[1] += dw[a][0] * dw[b][1] * w[c][2] * value;
+                sum[2] += w[a][0] * ddw[b][1] * w[c][2] * value;
+                sum[3] += dw[a][0] * w[b][1] * dw[c][2] * value;
+                sum[4] += w[a][0] * dw[b][1] * dw[c][2] * value;
+                sum[5] += w[a][0] * w[b][1] * ddw[c][2] * value;
             }
+        }
     for (int i = 0; i < 6; i++)
         ret[i] = sum[i] / (field->spacing * field->spacing);
 }
