@@ -182,18 +182,25 @@ static drape_status find(struct dr_self *self, const double *x)
     return DRAPE_OK;
 }
 
-/* After it the pairs hold all that are closer than `range` at x, m. */
-static bool search(struct dr_self *self, const double *x, double range)
+/* The most that a node has moved since the last search, m. */
+static double moved_since(const struct dr_self *self, const double *x)
 {
-    size_t nodes = self->mesh->nodes;
-    double began = dr_clock(), farthest = 0; /* squared: that anything has moved since the last search */
-    for (size_t i = 0; i < 3 * nodes && self->radius > 0; i += 3) {
+    double farthest = 0; /* squared */
+    for (size_t i = 0; i < 3 * self->mesh->nodes && self->radius > 0; i += 3) {
         double a = x[i] - self->searched[i], b = x[i + 1] - self->searched[i + 1],
                c = x[i + 2] - self->searched[i + 2], square = a * a + b * b + c * c;
         if (!(square <= farthest))
             farthest = square; /* NaN stays */
     }
-    self->moved = sqrt(farthest);
+    return sqrt(farthest);
+}
+
+/* After it the pairs hold all that are closer than `range` at x, m. */
+static bool search(struct dr_self *self, const double *x, double range)
+{
+    size_t nodes = self->mesh->nodes;
+    double began = dr_clock();
+    self->moved = moved_since(self, x);
     if (!(self->radius - 2 * self->moved >= range)) {
         self->failed = find(self, x);
         self->radius = self->failed < 0 ? 0 : self->pairs->radius; /* less where a heap has too many */
@@ -623,9 +630,15 @@ double dr_self_brace(struct dr_self *self, const double *x, double *f)
 
 /* ---- the limit on a step --------------------------------------------------------------------- */
 
+/* All pairs closer than this at x are known, m. */
+static double known(const struct dr_self *self, const double *x)
+{
+    return self->radius > 0 ? self->radius - 2 * moved_since(self, x) : 0;
+}
+
 double dr_self_allows(struct dr_self *self, const double *x, const double *w)
 {
-    double began = dr_clock(), allowed = dr_sweep(self->pairs, x, w, KEEP);
+    double began = dr_clock(), allowed = dr_sweep(self->pairs, x, w, KEEP, known(self, x));
     self->broad += dr_clock() - began;
     return allowed;
 }
@@ -633,7 +646,7 @@ double dr_self_allows(struct dr_self *self, const double *x, const double *w)
 size_t dr_self_clip(struct dr_self *self, const double *x, double *w)
 {
     double began = dr_clock();
-    size_t shortened = dr_sweep_clip(self->pairs, x, w, KEEP);
+    size_t shortened = dr_sweep_clip(self->pairs, x, w, KEEP, known(self, x));
     self->broad += dr_clock() - began;
     return shortened;
 }

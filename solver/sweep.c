@@ -128,6 +128,7 @@ struct sweep {
     const struct dr_pairs *pairs;
     const double *x, *w;
     double keep, t;       /* t: the part of the step still looked at */
+    double near;          /* m: all pairs closer than this at x are in the lists; 0: nothing is known */
     double *share;        /* nodes: what is left of each node's move; NULL: one t for all */
     const uint8_t *moved; /* tree nodes: below which a move has changed; NULL: all */
     size_t left;          /* pairs of leaves still to look at */
@@ -205,7 +206,8 @@ static inline struct axis along(const struct dr_box *p, const struct dr_box *q, 
 }
 
 /* Parts of two boxes keep their distance if, along an axis, the boxes stay apart by keep*DR_SWEEP_NEAR; or if
- * the largest difference of their motions is less than what they may close of their gap. */
+ * the largest difference of their motions is less than what they may close of their gap. And pairs that are
+ * not in the lists do where it is too little to bring them so near from so far. */
 static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
 {
     const struct sweep *sweep = data;
@@ -217,8 +219,10 @@ static inline bool may_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, vo
     double goal = bounds_of(DR_SWEEP_NEAR, sweep->keep).goal;
     if (x.left > goal || y.left > goal || z.left > goal)
         return false;
-    double gap = sqrt(x.gap * x.gap + y.gap * y.gap + z.gap * z.gap);
     double length = sqrt(x.length * x.length + y.length * y.length + z.length * z.length);
+    if (sweep->t * length <= sweep->near - DR_SWEEP_NEAR)
+        return false;
+    double gap = sqrt(x.gap * x.gap + y.gap * y.gap + z.gap * z.gap);
     return sweep->t * length > gap - bounds_of(gap, sweep->keep).goal &&
            x.reach + y.reach + z.reach > DR_SWEEP_TOUCHING; /* else all is in one point */
 }
@@ -233,6 +237,10 @@ static void try_face(struct sweep *sweep, uint32_t vertex, const struct dr_leaf 
 static void try_edges(struct sweep *sweep, uint32_t a, uint32_t b)
 {
     const uint32_t *p = sweep->pairs->side + 2 * (size_t)a, *q = sweep->pairs->side + 2 * (size_t)b;
+    if (a > b) { /* the order of the lists, or round-off would tell which found the pair */
+        try_edges(sweep, b, a);
+        return;
+    }
     const uint32_t node[4] = {p[0], p[1], q[0], q[1]};
     if (p[0] != q[0] && p[0] != q[1] && p[1] != q[0] && p[1] != q[1])
         try_pair(sweep, node, true, a, b);
@@ -256,17 +264,22 @@ static inline bool sweep_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t b
     return --sweep->left > 0;
 }
 
-/* False when there is too much to look at. */
+/* The pairs of the lists, then those that may come from farther. False when there is too much to look at. */
 static bool walk(struct sweep *sweep)
 {
-    sweep->left = MAX_MEETINGS * (sweep->pairs->mesh->triangles + 1);
+    const struct dr_pairs *pairs = sweep->pairs;
+    sweep->left = MAX_MEETINGS * (pairs->mesh->triangles + 1);
     sweep->met = 0;
-    return dr_bvh_walk(sweep->pairs->bvh, may_meet, sweep_leaves, sweep);
+    for (size_t i = 0; sweep->near > 0 && i < pairs->face_count; i++)
+        try_pair(sweep, pairs->faces[i].node, false, pairs->faces[i].a, pairs->faces[i].b);
+    for (size_t i = 0; sweep->near > 0 && i < pairs->edge_count; i++)
+        try_pair(sweep, pairs->edges[i].node, true, pairs->edges[i].a, pairs->edges[i].b);
+    return dr_bvh_walk(pairs->bvh, may_meet, sweep_leaves, sweep);
 }
 
-double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep)
+double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep, double near)
 {
-    struct sweep sweep = {.pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1};
+    struct sweep sweep = {.pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .near = near};
     dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
     dr_bvh_fit(pairs->bvh, w, pairs->bvh->move);
     for (int i = 0; i < MAX_SHORTER; i++, sweep.t *= SHORTER)
@@ -304,10 +317,11 @@ static void shorten(struct dr_pairs *pairs, double *w)
 }
 
 /* False where that does not end, or there is too much to look at. */
-static bool clip_rounds(struct dr_pairs *pairs, const double *x, double *w, double keep)
+static bool clip_rounds(struct dr_pairs *pairs, const double *x, double *w, double keep, double near)
 {
     size_t nodes = pairs->mesh->nodes;
-    struct sweep sweep = {.pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .share = pairs->share};
+    struct sweep sweep = {
+        .pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .near = near, .share = pairs->share};
     for (int round = 0; round < MAX_ROUNDS; round++) {
         dr_bvh_fit(pairs->bvh, w, pairs->bvh->move);
         for (size_t v = 0; v < nodes; v++)
@@ -323,13 +337,13 @@ static bool clip_rounds(struct dr_pairs *pairs, const double *x, double *w, doub
     return false;
 }
 
-size_t dr_sweep_clip(struct dr_pairs *pairs, const double *x, double *w, double keep)
+size_t dr_sweep_clip(struct dr_pairs *pairs, const double *x, double *w, double keep, double near)
 {
     size_t nodes = pairs->mesh->nodes, shortened = 0;
     memset(pairs->marked, 0, nodes * sizeof *pairs->marked);
     dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
-    if (!clip_rounds(pairs, x, w, keep)) {
-        double t = dr_sweep(pairs, x, w, keep);
+    if (!clip_rounds(pairs, x, w, keep, near)) {
+        double t = dr_sweep(pairs, x, w, keep, near);
         for (size_t v = 0; v < nodes; v++)
             pairs->share[v] = t;
         shorten(pairs, w);

@@ -15,7 +15,9 @@
  * may do what it likes, and so may a pair of an edge that crosses a triangle at the start: the edge's ends
  * with that triangle, and the edge with the triangle's edges. Moves that are not finite meet nothing.
  *
- * The lists of the pairs (pairs.h) are neither read nor changed. */
+ * What the lists of the pairs (pairs.h) hold need not be searched for: with all pairs that are closer than
+ * `near` (m) at x listed, only cloth whose parts move by nearly that much against each other is. The lists
+ * are not changed, and the result is the same with near = 0, where they are not read. */
 #ifndef DR_SWEEP_H
 #define DR_SWEEP_H
 
@@ -28,11 +30,11 @@
 
 /* The largest t in 0..1 such that on the way x + s w, 0 <= s <= t, no pair meets. x, w: 3*nodes. 0 also where
  * a crowd's moves are so wild that too many pairs would have to be looked at for any t worth having. */
-double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep);
+double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep, double near);
 
 /* Shortens the moves w of only those nodes whose pairs would meet, each by its earliest meeting, until no
  * pair meets on the way x + s w, 0 <= s <= 1; where a few rounds do not get there, all moves by dr_sweep.
  * Gives the number of nodes whose moves it shortened. */
-size_t dr_sweep_clip(struct dr_pairs *pairs, const double *x, double *w, double keep);
+size_t dr_sweep_clip(struct dr_pairs *pairs, const double *x, double *w, double keep, double near);
 
 #endif

@@ -112,9 +112,38 @@ static void check_end(const struct cloth *cloth, double t)
     free(now);
 }
 
+static const double known[] = {0.0004, 0.002, 0.01}; /* m */
+
+/* With lists of pairs or without, a sweep finds the same. */
 static double sweep(const struct cloth *cloth)
 {
-    return dr_sweep(cloth->pairs, cloth->shape.x, cloth->w, KEEP);
+    double t = dr_sweep(cloth->pairs, cloth->shape.x, cloth->w, KEEP, 0);
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        assert_int_equal(dr_pairs_find(cloth->pairs, cloth->shape.x, known[i], NULL), DRAPE_OK);
+        double near = cloth->pairs->radius;
+        assert_true(dr_sweep(cloth->pairs, cloth->shape.x, cloth->w, KEEP, near) == t);
+    }
+    return t;
+}
+
+/* Likewise of single moves. */
+static size_t clip(struct cloth *cloth)
+{
+    size_t size = 3 * cloth->mesh->nodes * sizeof *cloth->w;
+    double *wanted = malloc(size), *w = malloc(size);
+    assert_true(wanted && w);
+    memcpy(wanted, cloth->w, size);
+    size_t shortened = dr_sweep_clip(cloth->pairs, cloth->shape.x, cloth->w, KEEP, 0);
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        memcpy(w, wanted, size);
+        assert_int_equal(dr_pairs_find(cloth->pairs, cloth->shape.x, known[i], NULL), DRAPE_OK);
+        double near = cloth->pairs->radius;
+        assert_int_equal(dr_sweep_clip(cloth->pairs, cloth->shape.x, w, KEEP, near), shortened);
+        assert_memory_equal(w, cloth->w, size);
+    }
+    free(wanted);
+    free(w);
+    return shortened;
 }
 
 /* ---- one t for all ---------------------------------------------------------------------------- */
@@ -224,7 +253,7 @@ static void test_sweep__close_sheets_slide_past_each_other(void **state)
     for (size_t v = cloth.mesh->nodes / 2; v < cloth.mesh->nodes; v++)
         cloth.w[3 * v] = 0.02;
     assert_true(sweep(&cloth) == 1);
-    assert_int_equal(dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP), 0);
+    assert_int_equal(clip(&cloth), 0);
     cloth_free(&cloth);
 }
 
@@ -260,7 +289,7 @@ static void test_sweep__touching_and_crossing_parts_do_not_hold_the_cloth(void *
         for (int i = 3; i < 6; i++)
             cloth.w[3 * i + 1] = sign * 0.02;
         assert_true(sweep(&cloth) == 1);
-        assert_int_equal(dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP), 0);
+        assert_int_equal(clip(&cloth), 0);
     }
     /* Out by the side: an edge that crosses passes an edge of the triangle that it crosses. */
     for (int i = 3; i < 6; i++) {
@@ -307,9 +336,13 @@ static void test_sweep__any_numbers_end(void **state)
                 if (round)
                     cloth.shape.x[i] = odd[(i / every + 3) % 8];
             }
-            double t = sweep(&cloth);
-            assert_true(t >= 0 && t <= 1);
-            dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP);
+            assert_int_equal(dr_pairs_find(cloth.pairs, cloth.shape.x, 0.01, NULL), DRAPE_OK);
+            for (int listed = 0; listed < 2; listed++) {
+                double near = listed ? cloth.pairs->radius : 0;
+                double t = dr_sweep(cloth.pairs, cloth.shape.x, cloth.w, KEEP, near);
+                assert_true(t >= 0 && t <= 1);
+                dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP, near);
+            }
         }
         cloth_free(&cloth);
     }
@@ -325,7 +358,7 @@ static void test_sweep__wild_moves_of_a_crowd_end(void **state)
     double t = sweep(&cloth);
     assert_true(t > 0 && t < 1e-2);
     double *w = cloth.w;
-    assert_true(dr_sweep_clip(cloth.pairs, cloth.shape.x, w, KEEP) > 0);
+    assert_true(dr_sweep_clip(cloth.pairs, cloth.shape.x, w, KEEP, 0) > 0);
     assert_true(sweep(&cloth) == 1);
     memset(cloth.shape.x, 0, 3 * cloth.mesh->nodes * sizeof *w); /* all in one point: nothing to keep */
     random_moves(&cloth, 0.01, &random);
@@ -346,13 +379,13 @@ static void test_clip__shortens_only_what_would_meet(void **state)
         cloth.w[3 * v + 1] = -0.02;
     cloth.w[3 * middle + 1] = -0.026;
     double before[3] = {cloth.w[0], cloth.w[1], cloth.w[2]};
-    size_t shortened = dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP);
+    size_t shortened = clip(&cloth);
     assert_true(shortened >= 4 && shortened < nodes / 3);
     assert_memory_equal(before, cloth.w, sizeof before);
     assert_true(cloth.w[3 * middle + 1] > -0.026);
     assert_true(sweep(&cloth) == 1);
     check_way(&cloth, 1, 10);
-    assert_int_equal(dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP), 0);
+    assert_int_equal(clip(&cloth), 0);
     cloth_free(&cloth);
 }
 
@@ -367,7 +400,7 @@ static void test_clip__random_moves_end_without_a_meeting(void **state)
         double *wanted = malloc(3 * cloth.mesh->nodes * sizeof *wanted);
         assert_non_null(wanted);
         memcpy(wanted, cloth.w, 3 * cloth.mesh->nodes * sizeof *wanted);
-        size_t shortened = dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP), differ = 0;
+        size_t shortened = clip(&cloth), differ = 0;
         for (size_t v = 0; v < cloth.mesh->nodes; v++)
             differ += memcmp(wanted + 3 * v, cloth.w + 3 * v, 3 * sizeof *wanted) != 0;
         assert_int_equal(shortened, differ);
@@ -390,10 +423,10 @@ static void test_clip__a_real_dress_falls_unshortened(void **state)
         for (size_t d = 0; d < 3; d++)
             cloth.w[3 * v + d] = (d == 1 ? -0.02 : 0) + 0.003 * sin(30 * shape.x[3 * v + 1] + (double)d);
     assert_true(sweep(&cloth) == 1);
-    assert_int_equal(dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP), 0);
+    assert_int_equal(clip(&cloth), 0);
     uint64_t random = 47;
     random_moves(&cloth, 0.006, &random);
-    size_t shortened = dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP);
+    size_t shortened = clip(&cloth);
     assert_true(shortened > 0 && shortened < cloth.mesh->nodes / 4);
     assert_true(sweep(&cloth) == 1);
     cloth_free(&cloth);
