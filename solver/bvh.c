@@ -167,17 +167,21 @@ static void shape(struct dr_bvh *bvh, uint32_t node, size_t first, size_t count,
     shape(bvh, bvh->right[node], first + middle, count - middle, x);
 }
 
-void dr_bvh_fit(struct dr_bvh *bvh, const double *values, struct dr_box *box)
+void dr_bvh_fit(struct dr_bvh *bvh, const double *values, const double *from, struct dr_box *box)
 {
     if (!bvh->shaped && bvh->leaves)
         shape(bvh, 0, 0, bvh->leaves, values);
     bvh->shaped = true;
+    static const double origin[3] = {0, 0, 0};
     for (uint32_t i = (uint32_t)bvh->count; i-- > 0;) {
         if (dr_bvh_is_leaf(bvh, i)) {
             const struct dr_leaf *leaf = dr_bvh_leaf(bvh, i);
             box[i] = nothing;
-            for (int k = 0; k < 3; k++)
-                add_point(box + i, values + 3 * (size_t)leaf->node[k]);
+            for (int k = 0; k < 3; k++) {
+                const double *x = values + 3 * (size_t)leaf->node[k];
+                const double *o = from ? from + 3 * (size_t)leaf->node[k] : origin;
+                add_point(box + i, (const double[]){x[0] - o[0], x[1] - o[1], x[2] - o[2]});
+            }
         } else {
             box[i] = join(box + i + 1, box + bvh->right[i]);
         }

@@ -9,6 +9,8 @@
 #ifndef DR_BVH_H
 #define DR_BVH_H
 
+#include <math.h>
+
 #include "mesh.h"
 
 struct dr_box { /* low > high: empty. Not-finite coordinates are left out */
@@ -26,7 +28,7 @@ struct dr_bvh {
     struct dr_leaf *leaf; /* in the order of the tree */
     uint32_t *right;      /* count: the right child; of a leaf, DR_BVH_LEAF + its number */
     struct dr_box *box;   /* count: of the positions */
-    struct dr_box *move;  /* count: of the motions; dr_sweep's */
+    struct dr_box *move;  /* count: of the motions; dr_sweep's and dr_pairs_add's */
     bool shaped;          /* the tree has its shape */
 };
 
@@ -38,8 +40,9 @@ drape_status dr_bvh_new(const struct dr_mesh *mesh, const uint32_t *edge, struct
 struct dr_bvh *dr_bvh_free(struct dr_bvh *bvh); /* NULL is fine; returns NULL */
 size_t dr_bvh_bytes(const struct dr_bvh *bvh);
 
-/* Shapes the tree if it has no shape yet, and fits `box` (bvh->box or bvh->move) to values (3*nodes). */
-void dr_bvh_fit(struct dr_bvh *bvh, const double *values, struct dr_box *box);
+/* Shapes the tree if it has no shape yet, and fits `box` (bvh->box or bvh->move) to values (3*nodes), less
+ * those of `from` (likewise) unless that is NULL. */
+void dr_bvh_fit(struct dr_bvh *bvh, const double *values, const double *from, struct dr_box *box);
 
 static inline bool dr_bvh_is_leaf(const struct dr_bvh *bvh, uint32_t node)
 {
@@ -51,14 +54,15 @@ static inline const struct dr_leaf *dr_bvh_leaf(const struct dr_bvh *bvh, uint32
     return bvh->leaf + (bvh->right[node] - DR_BVH_LEAF);
 }
 
-/* How far apart two intervals are; 0 where they overlap. No branch: the processor would guess it wrong. */
+/* How far apart two intervals are; 0 where they overlap, NaN where they do by more than numbers go. No
+ * branch, as a comparison with 0 would become: the processor would guess it wrong. */
 static inline double dr_gap(double low, double high, double other_low, double other_high)
 {
     double above = low - other_high, below = other_low - high, gap = above > below ? above : below;
-    return 0 < gap ? gap : 0;
+    return (gap + fabs(gap)) / 2;
 }
 
-/* How far apart two boxes are, squared; infinite if one is empty. */
+/* How far apart two boxes are, squared; infinite if one is empty; NaN as above. */
 static inline double dr_box_distance(const struct dr_box *a, const struct dr_box *b)
 {
     double x = dr_gap(a->low[0], a->high[0], b->low[0], b->high[0]),

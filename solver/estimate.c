@@ -19,7 +19,7 @@
 
 #define BYTES_PER_VERTEX     380.0 /* state, trial states, weights, velocities or conjugate gradients */
 #define BYTES_PER_TRIANGLE   500.0 /* stretch, bending, geometric stiffness */
-#define SELF_PER_VERTEX      900.0 /* pairs that may touch, their tree, anchors */
+#define SELF_PER_VERTEX      925.0 /* pairs that may touch, their tree, anchors */
 #define PIECES_PER_TRIANGLE  420.0 /* of the pieces as they were cut: stretch and bending again */
 #define FIT_PER_TRIANGLE     72.0
 #define TOUCHING_PER_VERTEX  560.0 /* anchors and distances of cloth by bodies */

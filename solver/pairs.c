@@ -157,6 +157,8 @@ struct search {
     double square; /* of the radius */
     size_t left;   /* pairs of leaves still to look at */
     bool starved;  /* of memory */
+    double still;  /* squared, of dr_pairs_add: what moves less against each other has no new pairs, m */
+    size_t old_faces, old_edges; /* at the head of the lists, sorted; dr_pairs_add's, else 0 */
 };
 
 /* Room for one more pair; *list and *room grow by half. */
@@ -173,6 +175,25 @@ static bool make_room(struct dr_pair **list, size_t *room, size_t count)
     return true;
 }
 
+static int compare_pairs(const void *left, const void *right)
+{
+    const struct dr_pair *p = left, *q = right;
+    if (p->a != q->a)
+        return p->a < q->a ? -1 : 1;
+    return p->b < q->b ? -1 : p->b > q->b;
+}
+
+static bool is_listed(const struct dr_pair *pair, const struct dr_pair *list, size_t count)
+{
+    return count && bsearch(pair, list, count, sizeof *list, compare_pairs);
+}
+
+static void sort(struct dr_pair *list, size_t count)
+{
+    if (count)
+        qsort(list, count, sizeof *list, compare_pairs);
+}
+
 static bool may_add(const struct dr_pairs *pairs)
 {
     return pairs->face_count + pairs->edge_count < DR_PAIRS_PER_TRIANGLE * pairs->mesh->triangles;
@@ -187,11 +208,11 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     double gap[3] = {dr_gap(v[0], v[0], box->low[0], box->high[0]),
                      dr_gap(v[1], v[1], box->low[1], box->high[1]),
                      dr_gap(v[2], v[2], box->low[2], box->high[2])};
-    if (!(dr_dot(gap, gap) < search->square) || dr_pairs_shares_node(leaf->node, node))
+    if (dr_dot(gap, gap) >= search->square || dr_pairs_shares_node(leaf->node, node))
         return true;
     struct dr_pair pair = {{node, leaf->node[0], leaf->node[1], leaf->node[2]}, node, leaf->triangle};
     if (!(dr_closest_vertex_face(search->x, pair.node).square < search->square) ||
-        dr_pairs_are_welded(pairs, pair.node, false))
+        dr_pairs_are_welded(pairs, pair.node, false) || is_listed(&pair, pairs->faces, search->old_faces))
         return true;
     if (!may_add(pairs))
         return false;
@@ -222,11 +243,11 @@ static bool try_edges(struct search *search, uint32_t a, uint32_t b)
     struct dr_pairs *pairs = search->pairs;
     const uint32_t *p = pairs->side + 2 * (size_t)a, *q = pairs->side + 2 * (size_t)b;
     if (p[0] == q[0] || p[0] == q[1] || p[1] == q[0] || p[1] == q[1] ||
-        !(edge_distance(search->x, p, q) < search->square))
+        edge_distance(search->x, p, q) >= search->square)
         return true;
     struct dr_pair pair = {{p[0], p[1], q[0], q[1]}, a, b};
     if (!(dr_closest_edge_edge(search->x, pair.node).square < search->square) ||
-        dr_pairs_are_welded(pairs, pair.node, true))
+        dr_pairs_are_welded(pairs, pair.node, true) || is_listed(&pair, pairs->edges, search->old_edges))
         return true;
     if (!may_add(pairs))
         return false;
@@ -239,7 +260,7 @@ static bool try_edges(struct search *search, uint32_t a, uint32_t b)
 static inline bool boxes_near(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
 {
     const struct search *search = data;
-    return dr_box_distance(bvh->box + a, bvh->box + b) < search->square;
+    return !(dr_box_distance(bvh->box + a, bvh->box + b) >= search->square);
 }
 
 static inline bool find_in_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
@@ -262,18 +283,10 @@ static inline bool find_in_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t
     return --search->left > 0;
 }
 
-static int compare_pairs(const void *left, const void *right)
-{
-    const struct dr_pair *p = left, *q = right;
-    if (p->a != q->a)
-        return p->a < q->a ? -1 : 1;
-    return p->b < q->b ? -1 : p->b > q->b;
-}
-
 drape_status dr_pairs_find(struct dr_pairs *pairs, const double *x, double radius, drape_error *reterr)
 {
     struct search search = {.pairs = pairs, .x = x};
-    dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
+    dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
     for (int halved = 0;; halved++, radius /= 2) {
         pairs->radius = halved <= HALVINGS ? radius : 0;
         pairs->face_count = pairs->edge_count = 0;
@@ -286,11 +299,43 @@ drape_status dr_pairs_find(struct dr_pairs *pairs, const double *x, double radiu
             return dr_out_of_memory(reterr);
         }
     }
-    if (pairs->face_count)
-        qsort(pairs->faces, pairs->face_count, sizeof *pairs->faces, compare_pairs);
-    if (pairs->edge_count)
-        qsort(pairs->edges, pairs->edge_count, sizeof *pairs->edges, compare_pairs);
+    sort(pairs->faces, pairs->face_count);
+    sort(pairs->edges, pairs->edge_count);
     return DRAPE_OK;
+}
+
+/* Whether a part of one box may have come near a part of the other that was far. */
+static inline bool boxes_come_near(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
+{
+    const struct search *search = data;
+    const struct dr_box *v = bvh->move + a, *w = bvh->move + b;
+    double square = 0;
+    for (int d = 0; d < 3; d++) {
+        double rise = w->high[d] - v->low[d], fall = v->high[d] - w->low[d];
+        double most = rise > fall ? rise : fall;
+        square += most * most;
+    }
+    return !(square <= search->still) && boxes_near(bvh, a, b, data);
+}
+
+bool dr_pairs_add(struct dr_pairs *pairs, const double *from, const double *x, double radius)
+{
+    double still = pairs->radius - radius; /* m */
+    struct search search = {.pairs = pairs,
+                            .x = x,
+                            .square = radius * radius,
+                            .left = pairs->mesh->triangles + 1,
+                            .still = still * still,
+                            .old_faces = pairs->face_count,
+                            .old_edges = pairs->edge_count};
+    dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
+    dr_bvh_fit(pairs->bvh, x, from, pairs->bvh->move);
+    bool whole = dr_bvh_walk(pairs->bvh, boxes_come_near, find_in_leaves, &search);
+    if (pairs->face_count > search.old_faces)
+        sort(pairs->faces, pairs->face_count);
+    if (pairs->edge_count > search.old_edges)
+        sort(pairs->edges, pairs->edge_count);
+    return whole;
 }
 
 /* ---- crossings -------------------------------------------------------------------------------- */
@@ -390,7 +435,7 @@ size_t dr_pairs_crossings(struct dr_pairs *pairs, const double *x, struct dr_cro
 {
     struct crossings crossings = {
         .pairs = pairs, .x = x, .left = DR_PAIRS_MAX_MEETINGS * (pairs->mesh->triangles + 1)};
-    dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
+    dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
     (void)dr_bvh_walk(pairs->bvh, boxes_touch, cross_in_leaves, &crossings);
     if (crossings.count && ret_first)
         *ret_first = crossings.first;

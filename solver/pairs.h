@@ -32,7 +32,8 @@ struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     uint32_t *side;          /* 2*sides: the nodes of each, smaller first */
     uint32_t *side_triangle; /* 2*sides: its triangles; DR_NONE: no second */
 
-    /* What dr_pairs_find found, sorted by a, then b, so that sums over it have one order. */
+    /* What dr_pairs_find found and dr_pairs_add added, sorted by a, then b, so that sums over it have one
+     * order. */
     double radius; /* m: all pairs closer than this are listed, see dr_pairs_find */
     size_t face_count, edge_count;
     struct dr_pair *faces; /* vertex-face */
@@ -70,6 +71,12 @@ void dr_pairs_without(struct dr_pairs *pairs, const bool *absent);
  * would end a run over a heap that the next step may loosen; a list merely cut off would hold one part of the
  * cloth and let another pass. DRAPE_ENOMEM: the lists are then empty. */
 drape_status dr_pairs_find(struct dr_pairs *pairs, const double *x, double radius, drape_error *reterr);
+
+/* The lists, found at `from`, get what else is closer than `radius` (m, less than pairs->radius) at x: looked
+ * for only where cloth has moved against itself by the difference of both, which is little of it while it
+ * moves as one. False where that is a good part of the cloth, or memory or room in the lists ran out: then
+ * some may be missing, and dr_pairs_find is due. Pairs that have parted stay. */
+bool dr_pairs_add(struct dr_pairs *pairs, const double *from, const double *x, double radius);
 
 /* Edge through triangle. */
 struct dr_crossing {

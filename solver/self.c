@@ -25,7 +25,9 @@ struct dr_self {
     double *thin;             /* nodes: half the least altitude of the triangles about it, m */
     double *searched;         /* 3*nodes: where the pairs were last searched for */
     double radius;            /* m, of that search; 0: none yet */
-    double *near;             /* pairs, as pair_at numbers them: how close they were then, m */
+    double *at;               /* 3*nodes: where the lists were last brought up to date */
+    double complete;          /* m: the lists had all that were closer, there */
+    double *near;             /* pairs, as pair_at numbers them: how close they were there, m */
     size_t near_room;
     double moved;         /* m: the most that a node has moved since then */
     double broad, narrow; /* s: spent on searching, and on the pairs */
@@ -83,8 +85,9 @@ drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr
     self->area = calloc(mesh->nodes, sizeof *self->area);
     self->thin = calloc(mesh->nodes, sizeof *self->thin);
     self->searched = calloc(3 * mesh->nodes, sizeof *self->searched);
+    self->at = calloc(3 * mesh->nodes, sizeof *self->at);
     self->edge_area = calloc(self->pairs->sides, sizeof *self->edge_area);
-    if (!self->area || !self->thin || !self->searched || !self->edge_area) {
+    if (!self->area || !self->thin || !self->searched || !self->at || !self->edge_area) {
         dr_self_free(self);
         return dr_out_of_memory(reterr);
     }
@@ -125,6 +128,7 @@ struct dr_self *dr_self_free(struct dr_self *self)
         free(self->edge_area);
         free(self->thin);
         free(self->searched);
+        free(self->at);
         free(self->near);
         free(self->link);
         free(self);
@@ -136,7 +140,7 @@ size_t dr_self_bytes(const struct dr_self *self)
 {
     return sizeof *self + self->near_room * sizeof *self->near + dr_pairs_bytes(self->pairs) +
            (self->rub ? dr_rub_bytes(self->rub) : 0) +
-           (5 * self->mesh->nodes + self->pairs->sides) * sizeof(double) +
+           (8 * self->mesh->nodes + self->pairs->sides) * sizeof(double) +
            2 * self->link_room * sizeof *self->link;
 }
 
@@ -160,12 +164,9 @@ static struct dr_closest closest(const struct dr_pair *pair, bool edges, const d
     return edges ? dr_closest_edge_edge(x, pair->node) : dr_closest_vertex_face(x, pair->node);
 }
 
-/* Finds the pairs at x, and how close each is. */
-static drape_status find(struct dr_self *self, const double *x)
+/* How close each pair is at x. */
+static drape_status measure_pairs(struct dr_self *self, const double *x)
 {
-    drape_status status = dr_pairs_find(self->pairs, x, self->thickness + SEARCH * self->margin, NULL);
-    if (status < 0)
-        return status;
     size_t count = pair_count(self);
     if (count > self->near_room) {
         double *near = realloc(self->near, 2 * count * sizeof *near);
@@ -182,30 +183,46 @@ static drape_status find(struct dr_self *self, const double *x)
     return DRAPE_OK;
 }
 
-/* The most that a node has moved since the last search, m. */
+/* The most that a node has moved since the lists were up to date, m. */
 static double moved_since(const struct dr_self *self, const double *x)
 {
     double farthest = 0; /* squared */
     for (size_t i = 0; i < 3 * self->mesh->nodes && self->radius > 0; i += 3) {
-        double a = x[i] - self->searched[i], b = x[i + 1] - self->searched[i + 1],
-               c = x[i + 2] - self->searched[i + 2], square = a * a + b * b + c * c;
+        double a = x[i] - self->at[i], b = x[i + 1] - self->at[i + 1], c = x[i + 2] - self->at[i + 2],
+               square = a * a + b * b + c * c;
         if (!(square <= farthest))
             farthest = square; /* NaN stays */
     }
     return sqrt(farthest);
 }
 
+/* Brings the lists up to date: they get what a part of the cloth has brought near, or are made anew. */
+static drape_status update(struct dr_self *self, const double *x, double range)
+{
+    size_t size = 3 * self->mesh->nodes * sizeof *x;
+    double complete = (self->radius + range) / 2; /* to serve for a while */
+    if (!(complete < self->radius) || !dr_pairs_add(self->pairs, self->searched, x, complete)) {
+        drape_status status = dr_pairs_find(self->pairs, x, self->thickness + SEARCH * self->margin, NULL);
+        if (status < 0)
+            return status;
+        complete = self->radius = self->pairs->radius; /* less where a heap has too many */
+        memcpy(self->searched, x, size);
+    }
+    self->complete = complete;
+    self->moved = 0;
+    memcpy(self->at, x, size);
+    return measure_pairs(self, x);
+}
+
 /* After it the pairs hold all that are closer than `range` at x, m. */
 static bool search(struct dr_self *self, const double *x, double range)
 {
-    size_t nodes = self->mesh->nodes;
     double began = dr_clock();
     self->moved = moved_since(self, x);
-    if (!(self->radius - 2 * self->moved >= range)) {
-        self->failed = find(self, x);
-        self->radius = self->failed < 0 ? 0 : self->pairs->radius; /* less where a heap has too many */
-        self->moved = 0;
-        memcpy(self->searched, x, 3 * nodes * sizeof *x);
+    if (!(self->radius > 0 && self->complete - 2 * self->moved >= range)) {
+        self->failed = update(self, x, range);
+        if (self->failed < 0)
+            self->radius = 0;
     }
     self->broad += dr_clock() - began;
     return self->failed >= 0;
@@ -556,6 +573,8 @@ drape_status dr_self_links(struct dr_self *self, const double *x, const uint32_t
     size_t links = 0;
     uint32_t node[4];
     bool room = true;
+    if (!search(self, x, self->thickness + self->margin / 4))
+        return dr_out_of_memory(reterr);
     for (size_t i = 0; room && i < pair_count(self); i++) {
         struct touch touch;
         if (look_at(self, i, x, self->margin / 4, &touch))
@@ -596,14 +615,14 @@ void dr_self_each(struct dr_self *self, const double *x,
     end(self, began);
 }
 
-struct update {
+struct renewal {
     struct dr_self *self;
     const double *x;
 };
 
 static void anchor(const struct dr_self_gap *gap, void *data)
 {
-    struct update *update = data;
+    struct renewal *renewal = data;
     struct dr_penalty psi = dr_penalty(gap->stiffness, gap->offset, gap->offset - gap->distance);
     struct dr_rub_pair pair = {.edges = gap->edges, .a = gap->a, .b = gap->b, .force = psi.force};
     if (!(psi.force > 0))
@@ -611,8 +630,8 @@ static void anchor(const struct dr_self_gap *gap, void *data)
     memcpy(pair.node, gap->node, sizeof pair.node);
     memcpy(pair.weight, gap->weight, sizeof pair.weight);
     memcpy(pair.n, gap->n, sizeof pair.n);
-    if (!dr_rub_take(update->self->rub, &pair, update->x))
-        update->self->failed = DRAPE_ENOMEM;
+    if (!dr_rub_take(renewal->self->rub, &pair, renewal->x))
+        renewal->self->failed = DRAPE_ENOMEM;
 }
 
 void dr_self_renew(struct dr_self *self, const double *x)
@@ -620,7 +639,7 @@ void dr_self_renew(struct dr_self *self, const double *x)
     if (!self->rub)
         return;
     dr_rub_begin(self->rub);
-    dr_self_each(self, x, anchor, &(struct update){self, x});
+    dr_self_each(self, x, anchor, &(struct renewal){self, x});
 }
 
 double dr_self_brace(struct dr_self *self, const double *x, double *f)
@@ -633,7 +652,7 @@ double dr_self_brace(struct dr_self *self, const double *x, double *f)
 /* All pairs closer than this at x are known, m. */
 static double known(const struct dr_self *self, const double *x)
 {
-    return self->radius > 0 ? self->radius - 2 * moved_since(self, x) : 0;
+    return self->radius > 0 ? self->complete - 2 * moved_since(self, x) : 0;
 }
 
 double dr_self_allows(struct dr_self *self, const double *x, const double *w)

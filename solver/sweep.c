@@ -280,8 +280,8 @@ static bool walk(struct sweep *sweep)
 double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep, double near)
 {
     struct sweep sweep = {.pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .near = near};
-    dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
-    dr_bvh_fit(pairs->bvh, w, pairs->bvh->move);
+    dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
+    dr_bvh_fit(pairs->bvh, w, NULL, pairs->bvh->move);
     for (int i = 0; i < MAX_SHORTER; i++, sweep.t *= SHORTER)
         if (walk(&sweep))
             return sweep.t;
@@ -323,7 +323,7 @@ static bool clip_rounds(struct dr_pairs *pairs, const double *x, double *w, doub
     struct sweep sweep = {
         .pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .near = near, .share = pairs->share};
     for (int round = 0; round < MAX_ROUNDS; round++) {
-        dr_bvh_fit(pairs->bvh, w, pairs->bvh->move);
+        dr_bvh_fit(pairs->bvh, w, NULL, pairs->bvh->move);
         for (size_t v = 0; v < nodes; v++)
             pairs->share[v] = 1;
         if (!walk(&sweep))
@@ -341,7 +341,7 @@ size_t dr_sweep_clip(struct dr_pairs *pairs, const double *x, double *w, double 
 {
     size_t nodes = pairs->mesh->nodes, shortened = 0;
     memset(pairs->marked, 0, nodes * sizeof *pairs->marked);
-    dr_bvh_fit(pairs->bvh, x, pairs->bvh->box);
+    dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
     if (!clip_rounds(pairs, x, w, keep, near)) {
         double t = dr_sweep(pairs, x, w, keep, near);
         for (size_t v = 0; v < nodes; v++)

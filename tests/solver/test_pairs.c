@@ -288,6 +288,59 @@ static void test_pairs__crumpled_sheets_against_everything(void **state)
     shape_free(&shape);
 }
 
+/* `list` is sorted, with no pair twice, and has all of `part`. */
+static void check_includes(const struct dr_pair *list, size_t count, const struct dr_pair *part, size_t parts)
+{
+    size_t found = 0;
+    for (size_t i = 0; i < count; i++) {
+        assert_true(!i || list[i - 1].a < list[i].a ||
+                    (list[i - 1].a == list[i].a && list[i - 1].b < list[i].b));
+        if (found < parts && list[i].a == part[found].a && list[i].b == part[found].b) {
+            assert_memory_equal(list + i, part + found, sizeof *list);
+            found++;
+        }
+    }
+    assert_int_equal(found, parts);
+}
+
+/* Two layers 12 mm apart: one bulges towards the other, then both go a metre away. */
+static void test_pairs__what_has_come_near_is_added(void **state)
+{
+    (void)state;
+    struct shape shape = sheets_stack(20, 2, 0.01, 0.012);
+    struct dr_mesh *mesh = sheets_mesh(shape.vertices, shape.triangles, shape.triangle);
+    struct dr_pairs *pairs = make(mesh), *afresh = make(mesh);
+    size_t coordinates = 3 * mesh->nodes, most = 0;
+    double *x = malloc(coordinates * sizeof *x);
+    assert_non_null(x);
+    assert_int_equal(dr_pairs_find(pairs, shape.x, 0.008, NULL), DRAPE_OK);
+    for (int step = 0; step <= 10; step++) {
+        for (size_t v = 0; v < mesh->nodes; v++) {
+            const double *o = shape.x + 3 * v;
+            double a = (o[0] - 0.04) / 0.02, b = (o[2] - 0.04) / 0.02;
+            bool upper = v >= mesh->nodes / 2;
+            memcpy(x + 3 * v, o, 3 * sizeof *x);
+            x[3 * v] += step == 10;
+            x[3 * v + 1] -= upper ? 0.001 * step * exp(-a * a - b * b) : 0;
+        }
+        assert_true(dr_pairs_add(pairs, shape.x, x, 0.006));
+        assert_int_equal(dr_pairs_find(afresh, x, 0.006, NULL), DRAPE_OK);
+        check_includes(pairs->faces, pairs->face_count, afresh->faces, afresh->face_count);
+        check_includes(pairs->edges, pairs->edge_count, afresh->edges, afresh->edge_count);
+        most = afresh->face_count > most ? afresh->face_count : most;
+    }
+    assert_true(most > 10);
+    uint64_t random = 5;
+    memcpy(x, shape.x, coordinates * sizeof *x);
+    sheets_shake(&shape, 0.005, &random);
+    assert_false(dr_pairs_add(pairs, x, shape.x, 0.006)); /* nothing moves as one */
+    free(x);
+    dr_pairs_free(pairs);
+    dr_pairs_free(afresh);
+    dr_mesh_free(mesh);
+    shape_free(&shape);
+}
+
 static void test_pairs__a_stack_of_layers_against_everything(void **state)
 {
     (void)state;
@@ -696,6 +749,7 @@ int main(void)
         cmocka_unit_test(test_closest__nan_and_infinity_are_near_nothing),
         cmocka_unit_test(test_pairs__edges_of_the_mesh_are_each_listed_once),
         cmocka_unit_test(test_pairs__crumpled_sheets_against_everything),
+        cmocka_unit_test(test_pairs__what_has_come_near_is_added),
         cmocka_unit_test(test_pairs__a_stack_of_layers_against_everything),
         cmocka_unit_test(test_pairs__between_parts_finds_only_those),
         cmocka_unit_test(test_pairs__of_absent_nodes_there_are_none),
