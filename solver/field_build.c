@@ -109,6 +109,19 @@ static double facet_square(const struct facet *f, const double p[3])
     return square;
 }
 
+/* Whether the distance from p is no more than `far`: a corner or the box tells most of the time. */
+static bool is_within(const struct facet *f, const double p[3], double far)
+{
+    double corner = 0, box = 0;
+    for (int d = 0; d < 3; d++) {
+        double below = f->low[d] - p[d], above = p[d] - f->high[d], gap = below > above ? below : above;
+        gap = (gap + fabs(gap)) / 2; /* 0 inside; a comparison would be a branch */
+        corner += (p[d] - f->a[d]) * (p[d] - f->a[d]);
+        box += gap * gap;
+    }
+    return corner <= far * far || (box <= far * far && facet_square(f, p) <= far * far);
+}
+
 /* ---- 1. place -------------------------------------------------------------------------------- */
 
 /* Puts the grid around the mesh; false when its table would break the limit. The margin leaves the
@@ -187,7 +200,7 @@ static void visit_near_blocks(struct builder *b, uint32_t t, struct block_box bo
     }
     double far = band + sqrt(dot(half, half));
     b->work++;
-    if (facet_square(b->facet + t, centre) > far * far)
+    if (!is_within(b->facet + t, centre, far))
         return;
     if (box.low[longest] == box.high[longest]) {
         visit(b, t, box.low);
@@ -332,11 +345,31 @@ static bool allocate_nodes(struct builder *b)
     return true;
 }
 
+/* Of a node in its block. */
+static size_t local_index(uint32_t i, uint32_t j, uint32_t k)
+{
+    return ((size_t)(k % DR_BLOCK) * DR_BLOCK + j % DR_BLOCK) * DR_BLOCK + i % DR_BLOCK;
+}
+
 static size_t node_index(const struct dr_field *field, uint32_t i, uint32_t j, uint32_t k)
 {
     size_t block = field->table[table_index(field, i / DR_BLOCK, j / DR_BLOCK, k / DR_BLOCK)];
-    size_t local = ((size_t)(k % DR_BLOCK) * DR_BLOCK + j % DR_BLOCK) * DR_BLOCK + i % DR_BLOCK;
-    return block * DR_BLOCK_NODES + local;
+    return block * DR_BLOCK_NODES + local_index(i, j, k);
+}
+
+/* The node before (k even) or after a node of a block that exists, along axis k/2. No block of the outermost
+ * layer exists. */
+static size_t neighbor_of(const struct builder *b, size_t node, int k)
+{
+    const uint32_t *side = b->field->side;
+    const size_t steps[3] = {1, side[0], (size_t)side[0] * side[1]};
+    size_t local = node % DR_BLOCK_NODES, stride = (size_t)1 << 3 * (k / 2), end = DR_BLOCK - 1;
+    size_t at = local / stride % DR_BLOCK, place = b->place[node / DR_BLOCK_NODES];
+    if (k % 2)
+        return at < end ? node + stride
+                        : b->field->table[place + steps[k / 2]] * DR_BLOCK_NODES + local - end * stride;
+    return at > 0 ? node - stride
+                  : b->field->table[place - steps[k / 2]] * DR_BLOCK_NODES + local + end * stride;
 }
 
 /* Applies `change` to the values of all inside nodes. */
@@ -377,10 +410,11 @@ static bool offer(struct builder *b, size_t node, const double p[3], uint32_t t)
 static void splat_block(struct builder *b, uint32_t t, const uint32_t block[3])
 {
     struct node_box box = splat_box(b->facet + t, block);
+    size_t first = DR_BLOCK_NODES * b->field->table[table_index(b->field, block[0], block[1], block[2])];
     for (uint32_t k = box.from[2]; k < box.to[2]; k++)
         for (uint32_t j = box.from[1]; j < box.to[1]; j++)
             for (uint32_t i = box.from[0]; i < box.to[0]; i++)
-                offer(b, node_index(b->field, i, j, k), (double[3]){i, j, k}, t);
+                offer(b, first + local_index(i, j, k), (double[3]){i, j, k}, t);
 }
 
 /* ---- 5. spread ------------------------------------------------------------------------------- */
@@ -428,13 +462,13 @@ static void spread_from(struct builder *b, struct queue *queue, size_t node)
     /* A neighbour is one unit away: this triangle is at least the distance less one from it. */
     double least = fmax(sqrt((double)field->value[node]) - 1, 0);
     for (int k = 0; k < 6; k++) {
-        uint32_t to[3] = {at[0], at[1], at[2]};
-        to[k / 2] += k % 2 ? 1 : UINT32_MAX; /* +1 or -1: no block of the outermost layer exists */
-        size_t neighbor = node_index(field, to[0], to[1], to[2]);
+        size_t neighbor = neighbor_of(b, node, k);
         if (neighbor < DR_BLOCK_NODES || b->nearest[neighbor] == b->nearest[node] ||
             (double)field->value[neighbor] <= least * least)
             continue; /* the far block, nothing new, or nearer already */
-        if (offer(b, neighbor, (double[3]){to[0], to[1], to[2]}, b->nearest[node]))
+        double p[3] = {at[0], at[1], at[2]};
+        p[k / 2] += k % 2 ? 1 : -1;
+        if (offer(b, neighbor, p, b->nearest[node]))
             queue_push(queue, neighbor);
     }
 }
@@ -460,20 +494,19 @@ static bool spread(struct builder *b)
 
 /* ---- 7. sharpen ------------------------------------------------------------------------------ */
 
-/* The coefficient at a node of the block at `at`: its distance f less a sixth of what the six around it
- * change it by (see field.h). Next to a node that is not resolved the distance itself serves. */
-static float coefficient(const struct dr_field *field, size_t node, const uint32_t at[3])
+/* The coefficient at a node: its distance f less a sixth of what the six around it change it by (see
+ * field.h). Next to a node that is not resolved the distance itself serves. */
+static float coefficient(const struct builder *b, size_t node)
 {
+    const float *value = b->field->value;
     float sum = 0;
     for (int k = 0; k < 6; k++) {
-        uint32_t to[3] = {at[0], at[1], at[2]};
-        to[k / 2] += k % 2 ? 1 : UINT32_MAX; /* +1 or -1: no block of the outermost layer exists */
-        size_t neighbor = node_index(field, to[0], to[1], to[2]);
+        size_t neighbor = neighbor_of(b, node, k);
         if (neighbor < DR_BLOCK_NODES)
-            return field->value[node];
-        sum += field->value[neighbor];
+            return value[node];
+        sum += value[neighbor];
     }
-    return 2 * field->value[node] - sum / 6;
+    return 2 * value[node] - sum / 6;
 }
 
 /* Puts the coefficients in the distances' place; false when out of memory. */
@@ -485,11 +518,8 @@ static bool sharpen(struct builder *b)
     if (!sharp)
         return false;
     memcpy(sharp, field->value, DR_BLOCK_NODES * sizeof *sharp); /* the far block */
-    for (size_t n = DR_BLOCK_NODES; n < nodes; n++) {
-        uint32_t at[3];
-        node_place(b, n, at);
-        sharp[n] = coefficient(field, n, at);
-    }
+    for (size_t n = DR_BLOCK_NODES; n < nodes; n++)
+        sharp[n] = coefficient(b, n);
     free(field->value);
     field->value = sharp;
     return true;
