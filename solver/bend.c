@@ -930,21 +930,26 @@ void dr_bend_stiffness_subtract(struct dr_bend_stiffness *q, const struct dr_ben
     }
 }
 
+/* Two coordinates that the processor may work on at once. */
+typedef double lanes __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
+
 void dr_bend_stiffness_multiply(const struct dr_bend_stiffness *q, const double *from, double *to)
 {
     for (size_t j = 0; j < q->nodes; j++) {
-        const double *x = from + 3 * j, diagonal = q->value[q->start[j]];
-        double sum[3] = {diagonal * x[0], diagonal * x[1], diagonal * x[2]};
+        const double *x = from + 3 * j, diagonal = q->value[q->start[j]], z = x[2];
+        const lanes xy = *(const lanes *)x;
+        lanes sum_xy = diagonal * xy;
+        double sum_z = diagonal * z;
         for (size_t i = q->start[j] + 1; i < q->start[j + 1]; i++) {
-            size_t row = 3 * (size_t)q->row[i];
-            double value = q->value[i];
-            for (size_t d = 0; d < 3; d++) {
-                sum[d] += value * from[row + d];
-                to[row + d] += value * x[d];
-            }
+            const double *other = from + 3 * (size_t)q->row[i], value = q->value[i];
+            double *there = to + 3 * (size_t)q->row[i];
+            sum_xy += value * *(const lanes *)other;
+            sum_z += value * other[2];
+            *(lanes *)there += value * xy;
+            there[2] += value * z;
         }
-        for (size_t d = 0; d < 3; d++)
-            to[3 * j + d] += sum[d];
+        *(lanes *)(to + 3 * j) += sum_xy;
+        to[3 * j + 2] += sum_z;
     }
 }
 
