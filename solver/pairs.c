@@ -222,10 +222,10 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     return !search->starved;
 }
 
-/* How far apart a..b and c..d are along one axis. */
+/* How far apart a..b and c..d are along one axis. (Both ends by one comparison would be a branch.) */
 static inline double edge_gap(double a, double b, double c, double d)
 {
-    return dr_gap(a < b ? a : b, a < b ? b : a, c < d ? c : d, c < d ? d : c);
+    return dr_gap(a < b ? a : b, a > b ? a : b, c < d ? c : d, c > d ? c : d);
 }
 
 /* Squared distance of the boxes round two edges. */
