@@ -8,6 +8,10 @@
 
 #include "error.h"
 
+/* A bound on how much the distance changes along a way, in lengths of it. It is 1 of exact distances; fields
+ * add a few hundredths. */
+#define STEEPEST 1.25
+
 /* A sample of a triangle besides its corners. */
 struct point {
     double share[3]; /* it moves with the corners' moves times these */
@@ -496,11 +500,14 @@ static bool crossed(const struct stop *outside, const struct stop *behind)
     return outside->rise < 0 && behind->rise > 0 && dot(outside->grad, behind->grad) < 0;
 }
 
-/* How much of the move w from x one body allows, of at most `limit`; both in parts of w. */
-static double walk(const struct dr_body *body, const double x[3], const double w[3], double limit,
-                   double depth)
+/* How much of the move w from x one body allows, of at most `limit`; both in parts of w. `sight`: the
+ * distance at x, or NULL. */
+static double walk(const struct dr_body *body, const struct sight *sight, const double x[3],
+                   const double w[3], double limit, double depth)
 {
     double length = sqrt(dot(w, w));
+    if (sight && fmin(sight->phi, DR_BODY_REACH) > STEEPEST * length)
+        return limit; /* as the next stop would tell */
     struct stop here = stop_at(body, x, w, 0), outside = here;
     bool was_outside = here.phi >= 0;
     double lowest = fmin(here.phi, 0) - depth;
@@ -527,13 +534,14 @@ static double walk(const struct dr_body *body, const double x[3], const double w
 
 /* The same for all bodies. A body that cuts the move may end it between two stops of an earlier
  * body's walk, which must then look at that end, too. */
-static double walk_all(const struct dr_contact *contact, const double x[3], const double w[3], double depth)
+static double walk_all(const struct dr_contact *contact, const struct sight *sight, const double x[3],
+                       const double w[3], double depth)
 {
     double allowed = 1, before;
     do {
         before = allowed;
         for (size_t b = 0; b < contact->bodies; b++)
-            allowed = walk(contact->body[b], x, w, allowed, depth);
+            allowed = walk(contact->body[b], sight ? sight + b : NULL, x, w, allowed, depth);
     } while (allowed < before && contact->bodies > 1);
     return allowed;
 }
@@ -541,12 +549,14 @@ static double walk_all(const struct dr_contact *contact, const double x[3], cons
 size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double *w, double depth)
 {
     size_t shortened = 0;
+    const struct sight *sight = has_looked(contact, x) ? contact->sight : NULL;
     assert(depth > 0);
     for (size_t v = 0; v < contact->mesh->nodes; v++) {
         double *move = w + 3 * v;
         if (move[0] == 0 && move[1] == 0 && move[2] == 0)
             continue;
-        double allowed = walk_all(contact, x + 3 * v, move, depth);
+        double allowed =
+            walk_all(contact, sight ? sight + v * contact->bodies : NULL, x + 3 * v, move, depth);
         if (allowed < 1) {
             shortened++;
             for (int d = 0; d < 3; d++)

@@ -501,11 +501,16 @@ static void mover_free(struct mover *mover)
     dr_mesh_free(mover->mesh);
 }
 
-/* Clips the move w from `start`; the number of nodes shortened. */
+/* Clips the move w from `start`, the same whether distances there are known or not; the number of nodes
+ * shortened. */
 static size_t clip(const struct mover *mover, const double start[3], double w[3], double depth)
 {
     double x[9] = {start[0], start[1], start[2], 9, 9, 9, 9, 9, 9}, all[9] = {w[0], w[1], w[2]};
+    double again[9] = {w[0], w[1], w[2]};
     size_t shortened = dr_contact_clip(mover->contact, x, all, depth);
+    dr_contact_energy(mover->contact, x, NULL);
+    assert_int_equal(dr_contact_clip(mover->contact, x, again, depth), shortened);
+    assert_memory_equal(again, all, sizeof all);
     memcpy(w, all, 3 * sizeof *w);
     for (int i = 3; i < 9; i++)
         assert_true(all[i] == 0);
