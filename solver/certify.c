@@ -381,8 +381,8 @@ static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, d
 {
     struct dr_cloth_plan plan = s->sim->plan.welded;
     *ret_own = s->cloth;
-    if (s->method->matrix == DR_MATRIX_CHOLESKY || s->method->matrix == DR_MATRIX_HINGES)
-        return dr_cloth_bend_whole(s->cloth, true, reterr);
+    if (s->method->matrix == DR_MATRIX_CHOLESKY || s->method->matrix == DR_MATRIX_PRECONDITIONER)
+        return dr_cloth_make_exact(s->cloth, true, reterr);
     plan.matrix = DR_MATRIX_CHOLESKY;
     plan.friction = plan.self = false;
     drape_status status = dr_cloth_new(&plan, s->cloth->start, &s->cloth, reterr);
@@ -443,8 +443,8 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
         p.escaped = false;
     }
     take_back(s, own);
-    if (status >= 0 && p.escaped && s->method->matrix == DR_MATRIX_HINGES)
-        status = dr_cloth_bend_whole(s->cloth, false, reterr);
+    if (status >= 0 && p.escaped && s->method->matrix == DR_MATRIX_PRECONDITIONER)
+        status = dr_cloth_make_exact(s->cloth, false, reterr);
     account(sim, began, stage, factors, solves, work);
     s->row.factorizations = row.factorizations;
     if (status >= 0 && !p.escaped && s->row.residual_force > sim->options.tolerance) {

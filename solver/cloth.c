@@ -137,13 +137,20 @@ static drape_status new_stiffness(struct dr_cloth *cloth, bool whole, drape_erro
     return status;
 }
 
-drape_status dr_cloth_bend_whole(struct dr_cloth *cloth, bool whole, drape_error *reterr)
+drape_status dr_cloth_make_exact(struct dr_cloth *cloth, bool exact, drape_error *reterr)
 {
-    if (!cloth->stiffness || whole == !cloth->remainder)
-        return DRAPE_OK;
-    free_stiffness(cloth);
-    drape_status status = new_stiffness(cloth, whole, reterr);
-    return status < 0 ? status : dr_matrix_rebend(cloth->A, cloth->stiffness, reterr);
+    drape_status status = DRAPE_OK;
+    if (exact)
+        dr_matrix_prefer(cloth->A, DR_CHOLESKY);
+    if (cloth->stiffness && exact != !cloth->remainder) {
+        free_stiffness(cloth);
+        status = new_stiffness(cloth, exact, reterr);
+        if (status >= 0)
+            status = dr_matrix_rebend(cloth->A, cloth->stiffness, reterr);
+    }
+    if (status >= 0 && !exact && !dr_matrix_prefer(cloth->A, DR_SINGLE))
+        return dr_out_of_memory(reterr);
+    return status;
 }
 
 void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, double *q)
@@ -152,17 +159,19 @@ void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, doubl
         dr_bend_stiffness_multiply(cloth->remainder, p, q);
 }
 
+static const enum dr_factor factor[] = {
+    [DR_MATRIX_CHOLESKY] = DR_CHOLESKY, [DR_MATRIX_PRECONDITIONER] = DR_SINGLE, [DR_MATRIX_LDL] = DR_LDL};
+
 static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth *cloth, drape_error *reterr)
 {
     uint32_t *link;
     size_t links;
     drape_status status = join_links(plan, &link, &links, reterr);
     if (status >= 0 && plan->bend)
-        status = new_stiffness(cloth, plan->matrix != DR_MATRIX_HINGES, reterr);
+        status = new_stiffness(cloth, plan->matrix != DR_MATRIX_PRECONDITIONER, reterr);
     if (status >= 0)
         status = dr_matrix_new(plan->mesh, cloth->stiffness, link ? link : plan->link, links,
-                               plan->matrix == DR_MATRIX_LDL ? DR_LDL : DR_CHOLESKY, plan->analyses,
-                               &cloth->A, reterr);
+                               factor[plan->matrix], plan->analyses, &cloth->A, reterr);
     free(link);
     return status;
 }

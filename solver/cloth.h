@@ -57,9 +57,10 @@ void dr_cloth_stress(struct dr_cloth *cloth, const double *x, const double *w);
 drape_status dr_cloth_assemble(struct dr_cloth *cloth, const double *x, double indefinite,
                                drape_error *reterr);
 
-/* Makes the matrix anew with the whole bending stiffness or, for DR_MATRIX_HINGES, with hinges in its place
- * (see dr_bend_hinges_new), whose factor takes a third of the operations. Until then it is as planned. */
-drape_status dr_cloth_bend_whole(struct dr_cloth *cloth, bool whole, drape_error *reterr);
+/* Makes a Cholesky matrix anew: with the whole bending stiffness and a factor in double, or such that
+ * conjugate gradients make up for the rest: with hinges for bending (see dr_bend_hinges_new), which take a
+ * third of the operations, and a factor in single precision. Until then it is as planned. */
+drape_status dr_cloth_make_exact(struct dr_cloth *cloth, bool exact, drape_error *reterr);
 
 /* q += what the matrix lacks of bending, times p; 3*nodes each. */
 void dr_cloth_add_remainder(const struct dr_cloth *cloth, const double *p, double *q);

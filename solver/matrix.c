@@ -56,6 +56,7 @@ struct dr_matrix {
     cholmod_factor *L;
     struct dr_front *front; /* NULL: not DR_SINGLE */
     bool single;            /* the last factor is the front's */
+    bool in_doubt;          /* it could not be made: the next one is CHOLMOD's */
     int doubts;             /* matrices, one after the other, that single precision could not judge */
     cholmod_dense *w;       /* right-hand sides, then solutions: two columns */
     cholmod_dense *e;       /* workspace of the triangular solves */
@@ -392,7 +393,7 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
 static void raze(struct dr_matrix *A)
 {
     A->front = dr_front_free(A->front);
-    A->single = false;
+    A->single = A->in_doubt = false;
     cholmod_free_sparse(&A->A, &A->common);
     cholmod_free_factor(&A->L, &A->common);
     cholmod_free_dense(&A->w, &A->common);
@@ -476,7 +477,7 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
 
 size_t dr_matrix_bytes_to_come(const struct dr_matrix *A)
 {
-    if (!A->free || A->L->xtype != CHOLMOD_PATTERN)
+    if (!A->free || A->L->xtype != CHOLMOD_PATTERN || (A->factor == DR_SINGLE && !A->in_doubt))
         return 0;
     return A->L->is_super ? A->L->xsize * sizeof(double)
                           : (size_t)A->entries * (sizeof(double) + sizeof(int));
@@ -490,6 +491,11 @@ size_t dr_matrix_free_nodes(const struct dr_matrix *A)
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A)
 {
     return A->factor;
+}
+
+size_t dr_matrix_factor_bytes(const struct dr_matrix *A)
+{
+    return (size_t)A->entries * (A->single ? sizeof(float) : sizeof(double));
 }
 
 bool dr_matrix_is_single(const struct dr_matrix *A)
@@ -586,6 +592,7 @@ void dr_matrix_set_base(struct dr_matrix *A, double mass_factor)
 
 void dr_matrix_reset(struct dr_matrix *A)
 {
+    A->in_doubt = false;
     if (A->free)
         memcpy(A->A->x, A->base, A->A->nzmax * sizeof *A->base);
 }
@@ -718,20 +725,26 @@ void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q)
 
 /* ---- solving ------------------------------------------------------------------------------------ */
 
+bool dr_matrix_in_doubt(const struct dr_matrix *A)
+{
+    return A->in_doubt;
+}
+
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
 {
     *ret_memory = A->single = false;
     if (!A->free)
         return true;
-    if (A->factor == DR_SINGLE) {
+    if (A->factor == DR_SINGLE && !A->in_doubt) {
         enum dr_front_result result = dr_front_factorise(A->front);
         A->single = result == DR_FRONT_DONE;
-        A->doubts = result == DR_FRONT_UNCERTAIN ? A->doubts + 1 : 0;
-        if (!A->doubts)
-            return A->single;
-        if (A->doubts == MOST_DOUBTS)
-            dr_matrix_prefer(A, DR_CHOLESKY);
+        A->in_doubt = result == DR_FRONT_UNCERTAIN;
+        A->doubts = A->in_doubt ? A->doubts + 1 : 0;
+        return A->single;
     }
+    if (A->doubts == MOST_DOUBTS)
+        dr_matrix_prefer(A, DR_CHOLESKY);
+    A->in_doubt = false;
     A->common.status = CHOLMOD_OK;
     bool done = cholmod_factorize(A->A, A->L, &A->common);
     *ret_memory = A->common.status == CHOLMOD_OUT_OF_MEMORY;

@@ -16,7 +16,7 @@ struct dr_matrix;
 enum dr_factor {
     DR_CHOLESKY, /* supernodal LL'; tells when the matrix is not positive definite */
     DR_LDL,      /* simplicial LDL', no pivoting: for indefinite matrices, ten times slower and more */
-    DR_SINGLE,   /* LL' in single precision (front.h), a preconditioner; DR_CHOLESKY where that cannot tell */
+    DR_SINGLE,   /* LL' in single precision (front.h), a preconditioner; DR_CHOLESKY where that is in doubt */
     DR_FACTORS
 };
 
@@ -38,7 +38,7 @@ drape_status dr_matrix_rebend(struct dr_matrix *A, const struct dr_bend_stiffnes
 
 struct dr_matrix *dr_matrix_free(struct dr_matrix *A); /* NULL is fine; returns NULL */
 size_t dr_matrix_bytes(const struct dr_matrix *A);
-size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* at most, with the next factorisation */
+size_t dr_matrix_bytes_to_come(const struct dr_matrix *A); /* with the next factorisation */
 size_t dr_matrix_free_nodes(const struct dr_matrix *A);
 enum dr_factor dr_matrix_factor(const struct dr_matrix *A);
 
@@ -56,6 +56,8 @@ bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor);
  */
 double dr_matrix_flops(const struct dr_matrix *A);
 double dr_matrix_entries(const struct dr_matrix *A);
+size_t
+dr_matrix_factor_bytes(const struct dr_matrix *A); /* of the last factor, which a back-solve reads twice */
 
 /* What is the same at every step: mass_factor (1/s^2) times diag(mass), plus the bending stiffness given at
  * creation. */
@@ -90,8 +92,11 @@ void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9]);
 void dr_matrix_lower_by_round_off(struct dr_matrix *A);
 
 /* Factorises A into memory kept from call to call (analysed in dr_matrix_new). False: A is not positive
- * definite (DR_CHOLESKY, DR_SINGLE) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then). */
+ * definite (DR_CHOLESKY, DR_SINGLE) or has a zero pivot (DR_LDL), or memory ran out (*ret_memory then), or
+ * single precision cannot tell: A is in doubt until the next call, which factorises it in double, or the next
+ * dr_matrix_reset. */
 bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory);
+bool dr_matrix_in_doubt(const struct dr_matrix *A);
 
 /* q = A p, as it is assembled. Both 3*nodes; held nodes are ignored in p and zero in q. */
 void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q);

@@ -12,8 +12,9 @@
  *     its positive semi-definite part H+ is, and conjugate gradients with that factor go from H+ to H: a few
  *     back-solves, no further factor. Negative curvature among them is the way off a saddle, and is followed
  *     as far as the step may turn the cloth (Steihaug, SIAM J. Numer. Anal. 20, 1983). What is factorised
- *     has hinges in the place of bending (bend.h), at a third of the operations; conjugate gradients put
- *     that right, too, and where they meet negative curvature H was not positive definite.
+ *     has hinges in the place of bending (bend.h), at a third of the operations, and that in single precision
+ *     (front.h); conjugate gradients put that right, too, and where they meet negative curvature H was not
+ *     positive definite.
  *  3. A step is judged by the decrease of energy without the known second-order stretch Q of the step, so
  *     that the energy may peak on the way and the following steps remove it.
  *
@@ -134,10 +135,10 @@ static drape_status factorise_part(struct dr_state *s, drape_error *reterr)
     return DRAPE_OK;
 }
 
-/* Whether the model has what the factor's matrix has not. */
+/* Whether a solution with the factor is not yet the model's. */
 static bool lacks(const struct dr_state *s)
 {
-    return s->corrected || s->cloth->remainder;
+    return s->corrected || s->cloth->remainder || dr_matrix_is_single(s->cloth->A);
 }
 
 /* How far a move turns or stretches any thread: its largest gradient, a norm. */
@@ -148,18 +149,18 @@ static double turn(const struct dr_state *s, const double *move)
     return sqrt(2 * strain);
 }
 
-/* Curvature of the model along DIRECTION, where the factor's matrix has `kept`; leaves DROPPED. */
-static double curvature(struct dr_state *s, double kept)
+/* Curvature of the model along DIRECTION, and *ret_kept of the matrix alone; leaves KEPT and DROPPED. */
+static double curvature(struct dr_state *s, double *ret_kept)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
-    double *dropped = s->extra[DROPPED];
+    double *p = s->extra[DIRECTION], *dropped = s->extra[DROPPED];
+    dr_matrix_multiply(s->cloth->A, p, s->extra[KEPT]);
+    *ret_kept = dr_state_dot(s, p, s->extra[KEPT]);
     memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
-    if (!lacks(s))
-        return kept;
     if (s->corrected)
-        dr_cloth_left_out(s->cloth, s->x, s->extra[DIRECTION], dropped);
-    dr_cloth_add_remainder(s->cloth, s->extra[DIRECTION], dropped);
-    return kept + dr_state_dot(s, s->extra[DIRECTION], dropped);
+        dr_cloth_left_out(s->cloth, s->x, p, dropped);
+    dr_cloth_add_remainder(s->cloth, p, dropped);
+    return *ret_kept + dr_state_dot(s, p, dropped);
 }
 
 /* w += length p, RESIDUAL with it. */
@@ -174,14 +175,12 @@ static void go_along(struct dr_state *s, double length)
     }
 }
 
-/* DIRECTION conjugate to the last one, from the residual r and z = A+^-1 r; KEPT with it. */
-static void next_direction(struct dr_state *s, const double *r, const double *z, double beta)
+/* DIRECTION conjugate to the last one, from z, what the factor makes of the residual. */
+static void next_direction(struct dr_state *s, const double *z, double beta)
 {
-    double *p = s->extra[DIRECTION], *kept = s->extra[KEPT];
-    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++) {
+    double *p = s->extra[DIRECTION];
+    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i++)
         p[i] = z[i] + beta * p[i];
-        kept[i] = r[i] + beta * kept[i];
-    }
 }
 
 /* How far to go along DIRECTION, `most` or a half, a quarter... of it, down to `least`: a false stretch of
@@ -203,20 +202,17 @@ static double worthwhile(struct dr_state *s, double most, double least, double s
 }
 
 /* From w = P^-1 f, with P factorised, towards A^-1 f of the model: conjugate gradients on A, preconditioned
- * by P, which is A but for bending (see dr_cloth_add_remainder) and, where the step is to be corrected, made
- * with H+ in the place of the true Hessian. As P z = r is known, P p follows by recurrence, and only A - P is
- * ever multiplied. They end where precise enough or on negative curvature; those of a corrected step also
- * where it would turn a thread past the limit, up to which negative curvature is followed then. The first
- * step of these is never cut below P^-1 f. */
+ * by P, which is A in single precision but for bending (see dr_cloth_add_remainder) and, where the step is to
+ * be corrected, made with H+ in the place of the true Hessian. They end where precise enough or on negative
+ * curvature; those of a corrected step also where it would turn a thread past the limit, up to which negative
+ * curvature is followed then. The first step of these is never cut below P^-1 f. */
 static drape_status correct(struct dr_state *s, drape_error *reterr)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
-    double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *kept = s->extra[KEPT];
-    double *z = s->x_next; /* free until the move */
+    double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *z = s->x_next; /* free until the move */
     double precision = s->corrected ? CG_PRECISION : PRECISE;
     int steps = s->corrected ? MOST_CG : MOST_PRECISE;
     memcpy(r, s->f, count * sizeof *r);
-    memcpy(kept, s->f, count * sizeof *kept);
     memcpy(p, s->w, count * sizeof *p);
     memset(s->w, 0, count * sizeof *s->w);
     s->cut = s->negative = false;
@@ -231,9 +227,9 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
             rz = dr_state_dot(s, r, z);
             if (!(rz > precision * precision * first))
                 break;
-            next_direction(s, r, z, rz / last);
+            next_direction(s, z, rz / last);
         }
-        double along = dr_state_dot(s, p, kept), curved = curvature(s, along), most = INFINITY;
+        double along, curved = curvature(s, &along), most = INFINITY;
         if (s->corrected)
             most = fmax((sqrt(2 * s->limit) - turn(s, s->w)) / turn(s, p), k ? 0 : 1);
         s->negative = curved <= FLAT * along;
@@ -307,7 +303,7 @@ static bool go_touching(struct dr_state *s, double rz)
 {
     const struct dr_mesh *mesh = s->cloth->mesh;
     double *p = s->extra[DIRECTION], *kept = s->extra[KEPT], *dropped = s->extra[DROPPED],
-           *gapped = s->extra[GAPPED], along = dr_state_dot(s, p, kept), curved = curvature(s, along);
+           *gapped = s->extra[GAPPED], along, curved = curvature(s, &along);
     memset(gapped, 0, 3 * mesh->nodes * sizeof *gapped);
     dr_gaps_add_product(s->gaps, p, gapped);
     curved += dr_state_dot(s, p, gapped);
@@ -332,10 +328,8 @@ static bool go_touching(struct dr_state *s, double rz)
 /* From TOUCHING and what the factor makes of it, DIRECTION, whose product with the residual is rz. */
 static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *reterr)
 {
-    size_t count = 3 * s->cloth->mesh->nodes;
-    double *r = s->extra[TOUCHING], *kept = s->extra[KEPT], *z = s->x_next;
+    double *r = s->extra[TOUCHING], *z = s->x_next;
     double enough = GAP_PRECISION * GAP_PRECISION * rz;
-    memcpy(kept, r, count * sizeof *kept);
     for (int k = 0; k < MOST_TOUCH && rz > enough && go_touching(s, rz); k++) {
         drape_status status = dr_state_solve(s, 1, (const double *[]){r}, (double *[]){z}, reterr);
         if (status < 0)
@@ -343,7 +337,7 @@ static drape_status round_of_touch(struct dr_state *s, double rz, drape_error *r
         s->solves++;
         double last = rz;
         rz = dr_state_dot(s, r, z);
-        next_direction(s, r, z, rz / last);
+        next_direction(s, z, rz / last);
     }
     return DRAPE_OK;
 }
@@ -725,9 +719,12 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
     return status;
 }
 
-const struct dr_method dr_mixed = {
-    .matrix = DR_MATRIX_HINGES, .extra = ARRAYS, .conjugate = true, .assess = assess, .advance = advance};
-const struct dr_method dr_mixed_touching = {.matrix = DR_MATRIX_HINGES,
+const struct dr_method dr_mixed = {.matrix = DR_MATRIX_PRECONDITIONER,
+                                   .extra = ARRAYS,
+                                   .conjugate = true,
+                                   .assess = assess,
+                                   .advance = advance};
+const struct dr_method dr_mixed_touching = {.matrix = DR_MATRIX_PRECONDITIONER,
                                             .extra = ARRAYS_WITH_BODIES,
                                             .gaps = true,
                                             .conjugate = true,

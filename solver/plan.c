@@ -180,7 +180,7 @@ void dr_plan_compile(struct drape_sim *sim)
             .link = scene->seam,
             .links = scene->seams,
             .analyses = sim->options.analyses,
-            .matrix = DR_MATRIX_HINGES, /* steps that are cut to millimetres need no more */
+            .matrix = DR_MATRIX_PRECONDITIONER, /* steps that are cut to millimetres need no more */
         };
     if (scene->path && sim->options.max_iterations) {
         plan->moved = plan->welded;

@@ -41,7 +41,7 @@ enum dr_term {
 enum dr_cloth_matrix {
     DR_MATRIX_NONE,
     DR_MATRIX_CHOLESKY,
-    DR_MATRIX_HINGES, /* likewise, with hinges in the place of bending: see dr_cloth_bend_whole */
+    DR_MATRIX_PRECONDITIONER, /* likewise, by less: see dr_cloth_make_exact */
     DR_MATRIX_LDL
 };
 

@@ -41,7 +41,7 @@ drape_status dr_state_hand_over(struct dr_state *s, const struct dr_method *meth
             memset(s->extra[i], 0, 3 * s->sim->plan.welded.mesh->nodes * sizeof *s->extra[i]);
     if (!allocate(s))
         return dr_out_of_memory(reterr);
-    return method->matrix == DR_MATRIX_CHOLESKY ? dr_cloth_bend_whole(s->cloth, true, reterr) : DRAPE_OK;
+    return method->matrix == DR_MATRIX_CHOLESKY ? dr_cloth_make_exact(s->cloth, true, reterr) : DRAPE_OK;
 }
 
 drape_status dr_state_factorise(struct dr_state *s, double indefinite, bool *ret_definite,
@@ -74,7 +74,7 @@ drape_status dr_state_solve(struct dr_state *s, size_t count, const double *cons
     double began = dr_clock();
     bool solved = dr_matrix_solve(s->cloth->A, count, b, w);
     s->sim->report.solves += (uint32_t)count;
-    s->sim->report.work.solve_bytes += 2 * dr_matrix_entries(s->cloth->A) * sizeof(double);
+    s->sim->report.work.solve_bytes += 2 * (double)dr_matrix_factor_bytes(s->cloth->A);
     s->sim->stage[DR_STAGE_SOLVE] += dr_clock() - began;
     return solved ? DRAPE_OK : dr_out_of_memory(reterr);
 }

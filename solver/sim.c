@@ -174,6 +174,12 @@ drape_status dr_sim_factorise(struct drape_sim *sim, const struct dr_cloth *clot
         return status;
     double began = dr_clock();
     bool definite = dr_matrix_factorise(A, &out_of_memory);
+    if (dr_matrix_in_doubt(A)) { /* which takes the memory of a factor in double */
+        status = dr_sim_check_memory(sim, cloth, reterr);
+        if (status < 0)
+            return status;
+        definite = dr_matrix_factorise(A, &out_of_memory);
+    }
     sim->report.factorizations++;
     if (out_of_memory)
         return dr_out_of_memory(reterr);

@@ -454,18 +454,25 @@ static void test_front__double_judges_what_single_cannot_and_stays_the_second_ti
     } step[] = {{-0.1, false, false},                                           /* for sure */
                 {1e-3, true, true},   {1e-10, true, false}, {1e-3, true, true}, /* and trusted again */
                 {1e-10, true, false}, {1e-10, true, false}, {1e-3, true, false}};
-    const size_t first_doubt = 2, second_running = 5;
+    const size_t second_running = 5;
     struct cloth cloth = cloth_new(9);
     struct dr_matrix *A = matrix_new(&cloth, DR_SINGLE);
-    size_t to_come = dr_matrix_bytes_to_come(A), bytes = 0;
-    assert_true(to_come > 0);
+    size_t bytes = 0;
+    bool tried = false; /* in double */
     for (size_t i = 0; i < sizeof step / sizeof *step; i++) {
         bool memory = true;
         assemble_cloth(A, &cloth, step[i].mass);
-        assert_int_equal(dr_matrix_factorise(A, &memory), step[i].definite);
+        assert_int_equal(dr_matrix_bytes_to_come(A), 0);
+        bool definite = dr_matrix_factorise(A, &memory);
+        assert_int_equal(dr_matrix_in_doubt(A), step[i].definite && !step[i].single && i <= second_running);
+        if (dr_matrix_in_doubt(A)) {
+            assert_int_equal(dr_matrix_bytes_to_come(A) > 0, !tried);
+            definite = dr_matrix_factorise(A, &memory);
+            tried = true;
+        }
+        assert_int_equal(definite, step[i].definite);
         assert_false(memory);
         assert_int_equal(dr_matrix_is_single(A), step[i].single);
-        assert_int_equal(dr_matrix_bytes_to_come(A), i < first_doubt ? to_come : 0);
         assert_int_equal(dr_matrix_factor(A), i < second_running ? DR_SINGLE : DR_CHOLESKY);
         if (i == second_running)
             assert_true(dr_matrix_bytes(A) < bytes); /* the front is gone */
@@ -576,6 +583,8 @@ static drape_status go_through(const struct cloth *cloth)
     bool single = dr_matrix_factorise(A, &memory);
     assert_true(single && !memory); /* which takes no memory */
     assemble_cloth(A, cloth, 1e-10);
+    assert_false(dr_matrix_factorise(A, &memory));
+    assert_true(dr_matrix_in_doubt(A) && !memory);
     if (!dr_matrix_factorise(A, &memory)) {
         assert_true(memory);
         status = DRAPE_ENOMEM;

@@ -314,7 +314,8 @@ static drape_sim *run_without_time(struct example *e, drape_method method, drape
     e->options.method = method;
     assert_int_equal(drape_scene_new(&e->desc, ret_scene, NULL), DRAPE_OK);
     assert_int_equal(drape_sim_new(*ret_scene, &e->options, &sim, NULL), DRAPE_OK);
-    sim->factor_rate[DR_CHOLESKY] = sim->factor_rate[DR_LDL] = 1;
+    for (int factor = 0; factor < DR_FACTORS; factor++)
+        sim->factor_rate[factor] = 1;
     assert_int_equal(drape_sim_run(sim, NULL), DRAPE_NOT_AT_REST);
     return sim;
 }
