@@ -658,7 +658,8 @@ static bool adapt(struct dr_state *s)
 /* Seconds of this run in stages that have their own account. */
 static double accounted(const struct dr_state *s)
 {
-    return s->sim->stage[DR_STAGE_ASSEMBLE] + s->sim->stage[DR_STAGE_SOLVE];
+    const double *stage = s->sim->stage;
+    return stage[DR_STAGE_ASSEMBLE] + stage[DR_STAGE_FACTORISE] + stage[DR_STAGE_SOLVE];
 }
 
 /* Takes the step that leads to x_next, or not. */
