@@ -69,7 +69,7 @@
 /* With bodies */
 #define MOST_ROUNDS   3    /* of looking again at which gaps the step closes */
 #define MOST_TOUCH    20   /* conjugate gradient steps of a round */
-#define GAP_PRECISION 0.1  /* of the preconditioned residual, relative to that of the whole force */
+#define GAP_PRECISION 0.3  /* of the preconditioned residual, relative to that of the whole force */
 #define LONGEST_MOVE  0.05 /* m; a longer step is scaled down as a whole */
 #define MOST_STRAIN   0.5  /* likewise */
 #define MOST_TRUE     0.05 /* likewise, of a step with the true Hessian */
