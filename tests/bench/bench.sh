@@ -8,11 +8,13 @@
 #   METHODS='auto dynamic'         (auto stop-and-go:stop_on=potential dynamic newton:line_search=true)
 #   TIME_LIMIT=60                  seconds of a run               (300)
 #   ITERATIONS=100                 iterations of a run            (1000)
+#   FRAMES=200                     of Blender's, 25 a second      (500)
 . "$(dirname "$0")/lib.sh"
 out=build/bench
 shared=../shared/data
 limit=${TIME_LIMIT:-300}
 most=${ITERATIONS:-1000}
+frames=${FRAMES:-500}
 read -ra wanted <<<"${SCENES:-*}"
 read -ra methods <<<"${METHODS:-auto stop-and-go:stop_on=potential dynamic newton:line_search=true}"
 
@@ -110,7 +112,7 @@ run_blender() {
         | [.rows[] | [$columns, .] | transpose | map({key: .[0], value: .[1]}) | from_entries]
         | (.[-1].seconds) as $all | {program: "auto", rows: map([.seconds * $used / $all, .gravity])}' >>"$work/blender"
     say "the square by Blender's cloth"
-    blender --background --factory-startup --threads 1 --python tests/bench/blender.py -- "$work/job" 500 >"$work/frames"
+    blender --background --factory-startup --threads 1 --python tests/bench/blender.py -- "$work/job" "$frames" >"$work/frames"
     jq -cRn '[inputs | select(startswith("row ")) | split(" ") | map(tonumber? // .)]
         | {program: "Blender", speed: .[-1][4], rows: map([.[2], .[3]])}' "$work/frames" >>"$work/blender"
 }
