@@ -343,10 +343,9 @@ static bool order_and_analyse(struct dr_matrix *A, const uint32_t *link, size_t 
     A->flops = analysis.flops;
     A->entries = analysis.entries;
     bool built = (found || order_nodes(A, pairs, order)) && renumber(A, order) &&
-                 collect_pairs(A->mesh, A->bend, link, links, A->row, &ordered) &&
-                 build_columns(A, &ordered) && build_slots(A, link, named) && (found || analyse(A)) &&
-                 build_workspace(A) && build_front(A);
+                 collect_pairs(A->mesh, A->bend, link, links, A->row, &ordered) && build_columns(A, &ordered);
     free(ordered.key);
+    built = built && build_slots(A, link, named) && (found || analyse(A)) && build_workspace(A);
     if (built && analyses && !found) {
         analysis.L = A->L;
         analysis.flops = A->flops;
@@ -385,8 +384,8 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
     uint32_t *order = malloc(A->free * sizeof *order);
     bool built = order && order_and_analyse(A, link, links, named, analyses, &pairs, order);
     free(order);
-    free(pairs.key);
-    return built ? DRAPE_OK : dr_out_of_memory(reterr);
+    free(pairs.key); /* the front is the larger part: nothing is held beside it that can go */
+    return built && build_front(A) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
 /* Frees what build made. */
@@ -472,7 +471,7 @@ size_t dr_matrix_bytes(const struct dr_matrix *A)
                  blocks * sizeof *A->block_row + (A->free + 6 * A->mesh->triangles) * sizeof(struct slot) +
                  A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) + entries * sizeof *A->base +
                  count_bends(A) * sizeof(struct slot);
-    return own + (A->front ? dr_front_bytes(A->front) : 0) + A->common.memory_usage;
+    return A->front ? own + dr_front_bytes(A->front) + A->common.memory_inuse : own + A->common.memory_usage;
 }
 
 size_t dr_matrix_bytes_to_come(const struct dr_matrix *A)
