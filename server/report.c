@@ -260,6 +260,16 @@ static json_t *stages_json(const drape_report *report)
     return finish(object, failed);
 }
 
+static json_t *phase_bytes_json(const drape_report *report)
+{
+    json_t *object = json_object();
+    int failed = object == NULL;
+    for (int p = 0; p < DRAPE_PHASES; p++)
+        if (report->phase_bytes[p])
+            failed |= json_object_set_new(object, PHASE[p], count(report->phase_bytes[p]));
+    return finish(object, failed);
+}
+
 static json_t *stop_on_json(const drape_report *report)
 {
     if (report->method != DRAPE_METHOD_STOP_AND_GO)
@@ -349,6 +359,9 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "seconds", number(report->seconds));
     failed |= json_object_set_new(object, "stages", stages_json(report));
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));
+    failed |= json_object_set_new(object, "peak_bytes_by_phase", phase_bytes_json(report));
+    failed |= json_object_set_new(object, "bytes_per_triangle",
+                                  number((double)report->peak_bytes / (double)report->triangles));
     failed |= json_object_set_new(object, "energies", schema_energies_json(&state->energy));
     failed |= json_object_set_new(object, "residual_energy", number(state->residual_energy));
     failed |= json_object_set_new(object, "residual_energy_is",

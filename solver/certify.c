@@ -395,7 +395,7 @@ static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, d
 
 static void take_back(struct dr_state *s, struct dr_cloth *own)
 {
-    size_t bytes[DR_TERMS] = {0}, sum = 3 * own->mesh->nodes * sizeof(double);
+    size_t bytes[DR_TERMS] = {0}, held = 3 * own->mesh->nodes * sizeof(double);
     if (s->cloth != own) {
         s->cloth->friction = NULL;
         s->cloth->self = NULL;
@@ -403,9 +403,9 @@ static void take_back(struct dr_state *s, struct dr_cloth *own)
         dr_cloth_free(s->cloth);
     }
     for (int t = 0; t < DR_TERMS; t++)
-        sum += bytes[t];
-    s->certificate_bytes = sum;
+        held += bytes[t];
     s->cloth = own;
+    dr_state_hold(s, DRAPE_PHASE_CERTIFYING, held);
 }
 
 /* What the certificate took is its own affair: the method's counts and times stay the method's. */

@@ -386,6 +386,8 @@ typedef enum drape_phase {
     DRAPE_PHASE_COARSE      /* before draping: of the coarse cloth, see drape_coarse */
 } drape_phase;
 
+#define DRAPE_PHASES (DRAPE_PHASE_COARSE + 1)
+
 /* One iteration; row 0 is the start (after sewing and ramp). One row of the trace. */
 typedef struct drape_row {
     uint32_t iteration;
@@ -582,9 +584,11 @@ typedef struct drape_report {
     double drop;              /* m: slid off, how much lower than when draping began the highest point of the
                                * fallen piece is, along gravity; of several the farthest. Else 0 */
     size_t nodes, free_nodes; /* after welding */
-    size_t peak_bytes;        /* held by scene and sim together: the terms' sum, though what draping adds and
-                               * what sewing adds are not held at the same time. A shared field is
-                               * counted whole */
+    size_t triangles;
+    size_t phase_bytes[DRAPE_PHASES]; /* by drape_phase: held by scene and sim together while it ran; 0: it
+                                       * did not. A shared field is counted whole, ramping in draping */
+    size_t peak_bytes;                /* the most of them: less than the terms' sum where there is more than
+                                       * one, as each gives back what only it needs */
     /* Edges of the cloth through its triangles in that state; DRAPE_NOT_COUNTED without self-contact. */
     uint32_t self_intersections;
     /* m: where the deepest node inside a body is, else where the first self-intersection is; else NAN. */

@@ -202,16 +202,21 @@ void dr_plan_keep(struct dr_plan *plan, enum dr_term term)
 
 /* ---- the bytes ---------------------------------------------------------------------------------- */
 
+static size_t sum(const size_t bytes[DR_TERMS])
+{
+    size_t all = 0;
+    for (int t = 0; t < DR_TERMS; t++)
+        all += bytes[t];
+    return all;
+}
+
 void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS])
 {
-    for (int t = 0; t < DR_TERMS; t++) {
-        int of = phase == DRAPE_PHASE_SEWING   ? DR_TERM_SEWING
-                 : phase == DRAPE_PHASE_MOVING ? DR_TERM_MOTION
-                 : phase == DRAPE_PHASE_COARSE ? DR_TERM_COARSE
-                                               : t;
-        plan->term[of].bytes += bytes[t];
-        plan->phase_bytes[phase] += bytes[t];
-    }
+    struct dr_held *held = &plan->held[phase];
+    if (held->ran && sum(bytes) <= sum(held->bytes))
+        return;
+    held->ran = true;
+    memcpy(held->bytes, bytes, sizeof held->bytes);
 }
 
 size_t dr_plan_held(const struct dr_plan *plan)
@@ -219,19 +224,28 @@ size_t dr_plan_held(const struct dr_plan *plan)
     size_t held = 0;
     for (int t = 0; t < DR_TERMS; t++)
         held += plan->term[t].bytes;
-    for (int p = 0; p < DR_PHASES; p++)
-        held -= plan->phase_bytes[p];
     return held;
+}
+
+static size_t larger(size_t a, size_t b)
+{
+    return a > b ? a : b;
 }
 
 void dr_plan_report(const struct dr_plan *plan, drape_report *report)
 {
-    const size_t *phase = plan->phase_bytes;
+    const struct dr_held *held = plan->held;
     _Static_assert(DR_TERMS <= DRAPE_MAX_TERMS, "the report has room for every term");
     memcpy(report->term, plan->term, sizeof plan->term);
     report->terms = DR_TERMS;
-    size_t most = 0;
-    for (int p = 0; p < DR_PHASES; p++)
-        most = phase[p] > most ? phase[p] : most;
-    report->peak_bytes = dr_plan_held(plan) + most;
+    for (int t = 0; t < DR_TERMS; t++)
+        report->term[t].bytes +=
+            larger(held[DRAPE_PHASE_DRAPING].bytes[t], held[DRAPE_PHASE_CERTIFYING].bytes[t]);
+    report->term[DR_TERM_SEWING].bytes += sum(held[DRAPE_PHASE_SEWING].bytes);
+    report->term[DR_TERM_MOTION].bytes += sum(held[DRAPE_PHASE_MOVING].bytes);
+    report->term[DR_TERM_COARSE].bytes += sum(held[DRAPE_PHASE_COARSE].bytes);
+    for (int p = 0; p < DRAPE_PHASES; p++) {
+        report->phase_bytes[p] = held[p].ran ? dr_plan_held(plan) + sum(held[p].bytes) : 0;
+        report->peak_bytes = larger(report->peak_bytes, report->phase_bytes[p]);
+    }
 }

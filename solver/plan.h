@@ -45,9 +45,6 @@ enum dr_cloth_matrix {
     DR_MATRIX_LDL
 };
 
-/* Those that hold memory of their own: sewing, moving, draping, and the coarse cloth. */
-#define DR_PHASES (DRAPE_PHASE_COARSE + 1)
-
 /* The mechanics of one mesh. */
 struct dr_cloth_plan {
     const drape_scene *scene;              /* whose fabrics and gravity they are */
@@ -67,9 +64,12 @@ struct dr_plan {
     const struct dr_method *method; /* the first; see dr_plan_keep */
     struct dr_cloth_plan pieces;    /* to be sewn */
     struct dr_cloth_plan welded;    /* to be draped */
-    drape_term term[DR_TERMS];
-    struct dr_cloth_plan moved;    /* to follow bodies in motion, which bring their own `body` */
-    size_t phase_bytes[DR_PHASES]; /* by drape_phase: what only it holds */
+    drape_term term[DR_TERMS];      /* with the bytes that are held from beginning to end */
+    struct dr_cloth_plan moved;     /* to follow bodies in motion, which bring their own `body` */
+    struct dr_held {
+        bool ran;
+        size_t bytes[DR_TERMS];
+    } held[DRAPE_PHASES]; /* what only it holds */
 };
 
 /* Fills sim->plan, and in sim->report the method, stop rule and integrator that will run. */
@@ -78,14 +78,14 @@ void dr_plan_compile(struct drape_sim *sim);
 /* A term turned out to be needed after all: only where one method hands over to another. */
 void dr_plan_keep(struct dr_plan *plan, enum dr_term term);
 
-/* Notes what a phase held besides the scene, when it ends. */
+/* Notes what a phase held besides the scene, when it ends; of several times the one with the most stays. */
 void dr_plan_hold(struct dr_plan *plan, drape_phase phase, const size_t bytes[DR_TERMS]);
 
 /* What scene and sim hold now, besides what the phase that runs does. */
 size_t dr_plan_held(const struct dr_plan *plan);
 
-/* Fills report->term and report->peak_bytes: the terms' sum, but for all phases but the one that holds most,
- * as they do not hold theirs at the same time. */
+/* Fills report->term, report->phase_bytes and report->peak_bytes. A term has the most that it ever held; what
+ * the certificate adds to those of draping is its own. */
 void dr_plan_report(const struct dr_plan *plan, drape_report *report);
 
 #endif

@@ -306,19 +306,23 @@ static const char *ending(const struct dr_state *s, drape_verdict *ret_verdict)
     return NULL;
 }
 
-static void note_bytes(struct dr_state *s)
+void dr_state_hold(struct dr_state *s, drape_phase phase, size_t certificate)
 {
     size_t array = 3 * s->cloth->mesh->nodes * sizeof(double), bytes[DR_TERMS] = {0};
     bool conjugate = s->sim->plan.term[DR_TERM_CONJUGATE_GRADIENTS].kept;
     bytes[DR_TERM_STATE] = 5 * array;
-    bytes[DR_TERM_CERTIFICATE] = s->certificate_bytes;
+    bytes[DR_TERM_CERTIFICATE] = certificate;
     bytes[DR_TERM_VELOCITIES] = (s->v != NULL) * array;
     for (size_t i = 0; i < DR_MAX_EXTRA; i++)
         bytes[conjugate ? DR_TERM_CONJUGATE_GRADIENTS : DR_TERM_VELOCITIES] += (s->extra[i] != NULL) * array;
     if (s->gaps)
         bytes[DR_TERM_CONTACT] += dr_gaps_bytes(s->gaps);
     dr_cloth_bytes(s->cloth, bytes);
-    dr_plan_hold(&s->sim->plan, DRAPE_PHASE_DRAPING, bytes);
+    if (phase == DRAPE_PHASE_CERTIFYING && s->method->matrix == DR_MATRIX_PRECONDITIONER) {
+        bytes[DR_TERM_CERTIFICATE] += bytes[DR_TERM_JACOBIAN]; /* exact: draping's is given back */
+        bytes[DR_TERM_JACOBIAN] = 0;
+    }
+    dr_plan_hold(&s->sim->plan, phase, bytes);
 }
 
 /* Leaves the state to return in s->x and describes it. */
@@ -365,7 +369,9 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     report->free_nodes = 0;
     for (size_t i = 0; i < mesh->nodes; i++)
         report->free_nodes += !mesh->held[i];
-    note_bytes(s);
+    report->triangles = mesh->triangles;
+    if (!s->sim->plan.held[DRAPE_PHASE_CERTIFYING].ran) /* else what is held is no longer draping's */
+        dr_state_hold(s, DRAPE_PHASE_DRAPING, 0);
 }
 
 /* *ret_escaped: the run goes on from below a saddle. */
@@ -378,6 +384,7 @@ static drape_status certify(struct dr_state *s, drape_verdict verdict, bool *ret
         certificate->reason = "the drape is not at rest";
         return DRAPE_OK;
     }
+    dr_state_hold(s, DRAPE_PHASE_DRAPING, 0);
     drape_status status = dr_certify(s, ret_escaped, reterr);
     if (status < 0 || !*ret_escaped)
         return status;

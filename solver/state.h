@@ -48,12 +48,11 @@ struct dr_state { /* arrays are 3*nodes */
     drape_row row, best_row;
     double weight;                               /* N: what residual_force is relative to */
     double previous_potential, previous_kinetic; /* J, one iteration back */
-    double work;              /* J: of the potential forces over the last step, by the trapezoid rule */
-    bool moving;              /* velocities may be nonzero */
-    bool fresh;               /* no step since the start or the last stop: there is no history */
-    uint32_t anchored;        /* iteration at which friction's anchors were taken */
-    size_t certificate_bytes; /* that the certificate held, for as long as it took */
-    const char *gave_up;      /* why the method can go no further; NULL: it can */
+    double work;         /* J: of the potential forces over the last step, by the trapezoid rule */
+    bool moving;         /* velocities may be nonzero */
+    bool fresh;          /* no step since the start or the last stop: there is no history */
+    uint32_t anchored;   /* iteration at which friction's anchors were taken */
+    const char *gave_up; /* why the method can go no further; NULL: it can */
 
     /* mixed.c */
     double h;                    /* s: the regularisation M/h^2 */
@@ -101,6 +100,10 @@ void dr_state_limit(struct dr_state *s);
 void dr_state_arrive(struct dr_state *s, const drape_energies *energy);
 
 double dr_state_kinetic(const struct dr_state *s);
+
+/* Notes with the plan what is held now; certificate: bytes of what only it needs, which cannot be seen here.
+ */
+void dr_state_hold(struct dr_state *s, drape_phase phase, size_t certificate);
 
 /* Drops from every free node's velocity what runs against its force (correct.c); row.energy.kinetic is then
  * that of what is left. */

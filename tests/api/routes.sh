@@ -58,7 +58,8 @@ check 'the job succeeds' wait_for "$id" succeeded
 json 'it comes to rest' '.verdict == "at-rest"'
 json 'its report is complete' '.report | (.plan | has("kept") and has("left_out")) and .method == "auto"
     and .iterations > 0 and .stops == 0 and .factorizations > 0 and .solves > 0 and .seconds > 0
-    and (.stages | length > 0) and .peak_bytes > 0 and (.energies | has("stretch") and has("bend") and
+    and (.stages | length > 0) and .peak_bytes > 0 and (.peak_bytes_by_phase | keys) == ["draping"]
+    and .peak_bytes_by_phase.draping == .peak_bytes and .bytes_per_triangle > 0 and (.energies | has("stretch") and has("bend") and
     has("gravity") and has("contact") and has("kinetic") and has("potential")) and .residual_force <= 0.01
     and (.residual_energy | type == "number") and .penetrations == 0 and (.reason | length > 3)'
 json 'its progress is complete' '.progress | .iteration > 0 and .elapsed_ms >= 0 and (.energy | has("potential"))

@@ -22,7 +22,9 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
     char *text = job_text(
         "{\"id\":\"j1\",\"name\":\"dress\",\"status\":\"succeeded\",\"verdict\":\"at-rest\",\"attempt\":2,"
         "\"report\":{\"reason\":\"within the tolerance\",\"method\":\"stop-and-go\",\"iterations\":74,"
-        "\"peak_bytes\":2e7,\"plan\":{\"kept\":[{\"name\":\"state\",\"bytes\":1000},"
+        "\"peak_bytes\":2e7,\"bytes_per_triangle\":4000.4,"
+        "\"peak_bytes_by_phase\":{\"sewing\":15300000,\"draping\":20000000},\"plan\":{\"kept\":[{\"name\":"
+        "\"state\",\"bytes\":1000},"
         "{\"name\":\"contact\",\"bytes\":15000000},{\"name\":\"jacobian\",\"bytes\":4e6}]},\"stops\":5,"
         "\"factorizations\":75,\"seconds\":3.25,\"stages\":{\"sew\":0.0,\"broad-phase\":0.25,\"factorise\":2."
         "77},"
@@ -34,7 +36,8 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
                                  "74 of draping, 5 stops",
                                  "75 factorisations",
                                  "3.25 s (broad-phase 0.25, factorise 2.77)",
-                                 "memory         20.0 MB (contact 15.0, jacobian 4.0)",
+                                 "memory         20.0 MB, 4000 bytes a triangle (contact 15.0, jacobian 4.0)",
+                                 "by phase       sewing 15.3, draping 20.0 MB",
                                  "stretch 0.125, potential -0.5",
                                  "0.0009 of the mean vertex weight",
                                  "3.5e-11 J (estimate)",

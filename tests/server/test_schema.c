@@ -1239,6 +1239,8 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "seconds",
                                           "stages",
                                           "peak_bytes",
+                                          "peak_bytes_by_phase",
+                                          "bytes_per_triangle",
                                           "energies",
                                           "residual_energy",
                                           "residual_energy_is",
@@ -1262,6 +1264,8 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
         .coarse_iterations = 12,
         .coarse_factorizations = 80,
         .coarse_carried = true,
+        .triangles = 1 << 20,
+        .phase_bytes = {[DRAPE_PHASE_SEWING] = 7, [DRAPE_PHASE_DRAPING] = (size_t)5 << 30},
         .peak_bytes = (size_t)5 << 30,
         .terms = 2,
         .term = {{"stretch", true, 100, ""}, {"contact", false, 0, "no body in the scene"}},
@@ -1274,6 +1278,11 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(left, "reason")), "no body in the scene");
     assert_string_equal(json_string_value(json_object_get(json, "stop_on")), "kinetic");
     assert_true(json_integer_value(json_object_get(json, "peak_bytes")) == (json_int_t)5 << 30);
+    assert_close(json_number_value(json_object_get(json, "bytes_per_triangle")), 5 << 10, 0);
+    static const char *const PHASES[] = {"sewing", "draping", NULL};
+    json_t *phases = json_object_get(json, "peak_bytes_by_phase");
+    expect_members(phases, PHASES);
+    assert_int_equal(json_integer_value(json_object_get(phases, "sewing")), 7);
     assert_close(json_number_value(json_object_get(json_object_get(json, "stages"), "assemble")), 0.5, 0);
     static const char *const COARSE[] = {"triangles", "iterations", "factorizations", "carried", NULL};
     json_t *coarse = json_object_get(json, "coarse");

@@ -277,10 +277,18 @@ static void test_plan__sewing_has_its_own_bytes_and_gives_them_back(void **state
     const drape_term *sewing = term_of(&report, "sewing");
     assert_true(sewing->kept && sewing->bytes > term_of(&report, "jacobian")->bytes);
     assert_true(report.peak_bytes < sum(&report) && report.peak_bytes > sum(&report) - sewing->bytes);
+    const size_t *phase = report.phase_bytes;
+    assert_true(phase[DRAPE_PHASE_SEWING] && phase[DRAPE_PHASE_DRAPING]);
+    assert_int_equal(report.peak_bytes, phase[DRAPE_PHASE_SEWING] > phase[DRAPE_PHASE_DRAPING]
+                                            ? phase[DRAPE_PHASE_SEWING]
+                                            : phase[DRAPE_PHASE_DRAPING]);
+    assert_int_equal(phase[DRAPE_PHASE_MOVING] + phase[DRAPE_PHASE_CERTIFYING] + phase[DRAPE_PHASE_COARSE],
+                     0);
 
     e.options.max_iterations = 0;
     report = run(&e);
     assert_false(term_of(&report, "sewing")->kept);
+    assert_int_equal(report.phase_bytes[DRAPE_PHASE_SEWING], 0);
     assert_string_equal(term_of(&report, "sewing")->reason, "only the start is evaluated");
     assert_int_equal(report.peak_bytes, sum(&report));
 
@@ -323,6 +331,8 @@ static void test_plan__motion_has_its_own_bytes_and_gives_them_back(void **state
         assert_int_equal(term_of(&report, "sewing")->kept, sewn);
         assert_true(report.peak_bytes < sum(&report));
         assert_true(report.motion_frames > 0);
+        assert_true(report.phase_bytes[DRAPE_PHASE_MOVING] > report.phase_bytes[DRAPE_PHASE_DRAPING]);
+        assert_int_equal(report.phase_bytes[DRAPE_PHASE_SEWING] > 0, sewn);
 
         e.options.max_iterations = 0;
         report = run(&e);
@@ -351,6 +361,37 @@ static void test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back(voi
             assert_int_equal(report.term[i].bytes, plain.term[i].bytes);
     assert_true(coarse->kept && coarse->bytes > 0);
     assert_true(report.peak_bytes < sum(&report) && report.peak_bytes > sum(&report) - coarse->bytes);
+    assert_int_equal(report.phase_bytes[DRAPE_PHASE_DRAPING], report.peak_bytes);
+    assert_true(report.phase_bytes[DRAPE_PHASE_COARSE] > 0);
+    assert_true(report.phase_bytes[DRAPE_PHASE_COARSE] < report.peak_bytes);
+}
+
+/* The matrix of auto makes room for one of the whole bending, in double; the others' stays, or one comes. */
+static void test_plan__the_certificate_has_its_own_bytes_and_gives_them_back(void **state)
+{
+    (void)state;
+    static const drape_method method[] = {DRAPE_METHOD_AUTO, DRAPE_METHOD_STOP_AND_GO, DRAPE_METHOD_NEWTON};
+    for (size_t m = 0; m < sizeof method / sizeof *method; m++) {
+        struct example e;
+        make(&e);
+        e.options.method = method[m];
+        e.options.max_iterations = 500;
+        e.options.tolerance = 1e-3;
+        const drape_report plain = run(&e);
+        e.options.certify = true;
+        drape_report report = run(&e);
+        assert_true(report.certificate.certified);
+        const drape_term *certificate = term_of(&report, "certificate"),
+                         *jacobian = term_of(&report, "jacobian");
+        const size_t *phase = report.phase_bytes;
+        for (size_t i = 0; i < report.terms; i++)
+            if (strcmp(report.term[i].name, "certificate"))
+                assert_int_equal(report.term[i].bytes, plain.term[i].bytes);
+        assert_int_equal(phase[DRAPE_PHASE_DRAPING], plain.peak_bytes);
+        assert_int_equal(phase[DRAPE_PHASE_CERTIFYING],
+                         plain.peak_bytes + certificate->bytes - (m ? 0 : jacobian->bytes));
+        assert_int_equal(report.peak_bytes, phase[DRAPE_PHASE_CERTIFYING]);
+    }
 }
 
 int main(void)
@@ -361,6 +402,7 @@ int main(void)
         cmocka_unit_test(test_plan__a_change_moves_its_own_terms_alone),
         cmocka_unit_test(test_plan__motion_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back),
+        cmocka_unit_test(test_plan__the_certificate_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__sewing_has_its_own_bytes_and_gives_them_back),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
