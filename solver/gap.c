@@ -54,7 +54,7 @@ size_t dr_gaps_bytes(const struct dr_gaps *gaps)
 static struct gap *append(struct dr_gaps *gaps)
 {
     if (gaps->count == gaps->room) {
-        size_t room = gaps->room ? 2 * gaps->room : 1024;
+        size_t room = gaps->room + gaps->room / 2 + 1024;
         struct gap *gap = realloc(gaps->gap, room * sizeof *gap);
         if (!gap) {
             gaps->out_of_memory = true;
