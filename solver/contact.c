@@ -80,15 +80,19 @@ static size_t fill_pattern(size_t pieces, struct point *point)
 }
 
 /* Into how many pieces a side is cut, so that none is longer than DR_CONTACT_SPACING at rest. */
-static uint8_t count_pieces(const struct dr_mesh *mesh, size_t triangle)
+static uint8_t count_pieces(const double rest[6])
 {
-    const double *rest = mesh->rest + 6 * triangle;
     double longest = 0;
     for (int k = 0; k < 3; k++) {
         int next = (k + 1) % 3;
         longest = fmax(longest, hypot(rest[2 * next] - rest[2 * k], rest[2 * next + 1] - rest[2 * k + 1]));
     }
     return (uint8_t)fmin(fmax(ceil(longest / DR_CONTACT_SPACING), 1), DR_CONTACT_MAX_PIECES);
+}
+
+size_t dr_contact_points(const double rest[6])
+{
+    return count_points(count_pieces(rest));
 }
 
 /* Makes the patterns that the triangles need; false when out of memory. */
@@ -135,7 +139,7 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
     contact->pieces = malloc(mesh->triangles ? mesh->triangles : 1);
     bool ok = contact->body && contact->node_area && contact->pieces;
     for (size_t t = 0; ok && t < mesh->triangles; t++)
-        contact->pieces[t] = count_pieces(mesh, t);
+        contact->pieces[t] = count_pieces(mesh->rest + 6 * t);
     ok = ok && make_patterns(contact);
     for (size_t t = 0; ok && t < mesh->triangles; t++)
         contact->samples += contact->pattern[contact->pieces[t]].points;

@@ -44,6 +44,9 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
 struct dr_contact *dr_contact_free(struct dr_contact *contact); /* NULL is fine; returns NULL */
 size_t dr_contact_bytes(const struct dr_contact *contact);
 
+/* The samples of a triangle, besides its corners, of these rest coordinates (uv of each corner, m). */
+size_t dr_contact_points(const double rest[6]);
+
 /* Energy at x (3*nodes), J. Adds its gradient to g unless NULL. */
 double dr_contact_energy(struct dr_contact *contact, const double *x, double *g);
 

@@ -483,9 +483,10 @@ const char *drape_method_name(drape_method method);             /* "stop-and-go"
 const char *drape_integrator_name(drape_integrator integrator); /* "backward-euler": likewise */
 
 /* The bytes that scene and sim will hold, as drape_report.peak_bytes counts them, told from sizes before
- * anything is built: O(triangles of the bodies). For the border of a service; `desc` must have passed
- * drape_check. Within a factor 1.5 of what it comes to, for squares of 1 000 to 60 000 triangles and for sewn
- * garments; many layers in one place may take more. */
+ * anything is built: O(triangles of cloth and bodies). For the border of a service; `desc` must have passed
+ * drape_check. Within a fifth of what it comes to, for squares and skirts of 500 to 60 000 triangles and for
+ * sewn garments on a body; many layers in one place may take more. Not in it: building the field of a body
+ * takes nearly four times the field, which is over before there is a sim. */
 size_t drape_memory_estimate(const drape_scene_desc *desc, const drape_options *options);
 
 /* ---- solving -------------------------------------------------------------------------------- */

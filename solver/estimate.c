@@ -1,39 +1,55 @@
 /* estimate.c - how many bytes a run will hold, told from sizes alone, before anything is built.
  *
- * Nearly all of it is the factor of the step matrix. George's nested dissection fills n log2 n entries on a
- * mesh of n nodes (SIAM J. Numer. Anal. 10, 1973); the orders that are used fill more, and
- * measured from 500 to 60 000 nodes matrix and factor take c n log2(n)^2 bytes, with c as below. The rest is
- * a sum of arrays, measured per vertex and triangle, and of the bodies' fields, whose bytes follow from area
- * and volume. */
+ * Scene and state are held from beginning to end; sewing, moving, draping and certifying each add what only
+ * they need, nearly all of it matrix and factor. George's nested dissection fills n log2 n entries on a mesh
+ * of n nodes (SIAM J. Numer. Anal. 10, 1973); what matrix and factor take, by the orders that are used, has
+ * been measured from 290 to 60 000 nodes. The rest is a sum of arrays, and of the bodies' fields, whose bytes
+ * follow from area and volume. */
 #include <math.h>
 
 #include "body.h"
+#include "carry.h"
+#include "contact.h"
 #include "field.h"
 
-/* Bytes, of matrix and factor over n log2(n)^2: open cloth has 71 (squares) to 87 (skirts); cloth that is
- * sewn closes into tubes, which take wider cuts: 105 to 162. */
-#define OPEN_FACTOR 79.0
-#define SEWN_FACTOR 115.0
-#define HINGES      0.65 /* times that: `auto` has hinges for bending, until it is to be certified */
-#define LDL_FACTOR  1.23 /* times that: a simplicial factor stores its indices entry by entry */
+/* Bytes of matrix and factor: c n log2(n)^power. Sewn cloth closes into tubes, which take wider cuts. */
+struct fill {
+    double c;
+    int power;
+};
+static const struct fill open_hinges = {385, 1}; /* 358 to 450; in single precision: of auto, and to sew */
+static const struct fill sewn_hinges = {520, 1}; /* 477 to 617 */
+static const struct fill open_whole = {90, 2};   /* 80 to 110; with all of bending, in double */
+static const struct fill even_whole = {65, 2};   /* 58 to 80; less where all triangles are alike */
+static const struct fill even_sewn = {850, 1};   /* 770 to 960 */
+static const struct fill sewn_whole = {1420, 1}; /* 1200 to 1690 */
+#define LDL        1.22 /* times that: a simplicial factor stores its indices entry by entry */
+#define NOT_WELDED 0.88 /* times sewn_hinges, a vertex: springs for seams join fewer than welding */
 
-#define BYTES_PER_VERTEX     380.0 /* state, trial states, weights, velocities or conjugate gradients */
-#define BYTES_PER_TRIANGLE   500.0 /* stretch, bending, geometric stiffness */
-#define SELF_PER_VERTEX      925.0 /* pairs that may touch, their tree, anchors */
-#define PIECES_PER_TRIANGLE  420.0 /* of the pieces as they were cut: stretch and bending again */
-#define FIT_PER_TRIANGLE     72.0
-#define TOUCHING_PER_VERTEX  560.0 /* anchors and distances of cloth by bodies */
-#define COARSE_PER_TRIANGLE  145.0 /* the coarse mesh and the way up */
-#define NEAREST_PER_TRIANGLE 100.0 /* of a body: the tree that its nearest points are found by */
+/* Bytes a triangle. */
+#define MESH      135.0
+#define BEND      335.0 /* 312 to 384: patches of 9 nodes and more */
+#define EVEN_BEND 275.0 /* of 6 */
+#define STRESS    24.0
+#define FIT       72.0
+#define COARSE    200.0 /* the coarse mesh, a quarter of the triangles, and the way up */
+#define NEAREST   100.0 /* of a body: the tree that its nearest points are found by */
+
+/* Bytes a node. */
+#define ARRAY    24.0 /* one vector */
+#define WELDED   38.0 /* mass, start, what holds it */
+#define FRICTION 104.0
+#define SELF     750.0 /* 620 to 840: pairs that may touch, their tree, anchors */
+#define TOUCHING 32.0  /* where bodies were looked at */
+#define PIECE    60.0  /* of a vertex: positions, pattern, its node */
+
+#define SIGHT 32.0  /* bytes a sample of the cloth and body */
+#define GAP   136.0 /* and where auto's steps are corrected for gaps */
+#define GAPS  0.5   /* of the samples have one */
 
 /* A band of 7 cm around a person, over its thickness times the area: limbs are no thicker (by Steiner's
  * formula it is 1 + band / 2 radius for a cylinder). Measured on two bodies. */
 #define LIMBS 1.35
-
-static double square(double x)
-{
-    return x * x;
-}
 
 static bool keeps_off_itself(const drape_scene_desc *desc, const drape_options *options)
 {
@@ -57,16 +73,75 @@ static bool has_coarse_mesh(const drape_scene_desc *desc)
     return desc->coarse == DRAPE_COARSE_ON && !desc->start_pattern;
 }
 
-static double matrix_bytes(const drape_scene_desc *desc, const drape_options *options)
+static double fill_bytes(struct fill fill, double nodes)
 {
-    double n = (double)desc->vertices, factor = desc->seams ? SEWN_FACTOR : OPEN_FACTOR;
-    if (is_explicit(options) && !desc->seams) /* sewing has a matrix anyway */
+    return fill.c * nodes * pow(log2(nodes + 1), fill.power);
+}
+
+/* What is counted of the cloth. */
+struct sizes {
+    double vertices, nodes, triangles;
+    double samples; /* for contact with bodies, nodes included */
+    bool sewn, even, touching, self;
+};
+
+static struct sizes count(const drape_scene_desc *desc, const drape_options *options)
+{
+    struct sizes n = {.vertices = (double)desc->vertices,
+                      .triangles = (double)desc->triangles,
+                      .sewn = desc->seams > 0,
+                      .touching = desc->bodies > 0,
+                      .self = keeps_off_itself(desc, options)};
+    double least = INFINITY, most = 0;
+    n.nodes = fmax(n.vertices - (double)desc->seams, n.vertices / 2);
+    n.samples = n.nodes;
+    for (size_t t = 0; t < desc->triangles; t++) {
+        double rest[6];
+        for (int k = 0; k < 6; k++)
+            rest[k] = desc->pattern[2 * (size_t)desc->triangle[3 * t + (size_t)k / 2] + (size_t)k % 2];
+        double area =
+            fabs((rest[2] - rest[0]) * (rest[5] - rest[1]) - (rest[3] - rest[1]) * (rest[4] - rest[0]));
+        least = fmin(least, area);
+        most = fmax(most, area);
+        n.samples += (double)dr_contact_points(rest);
+    }
+    n.even = most < 1.001 * least;
+    return n;
+}
+
+/* All of bending, in double. */
+static double whole_matrix(const struct sizes *n)
+{
+    if (n->sewn)
+        return fill_bytes(n->even ? even_sewn : sewn_whole, n->nodes);
+    return fill_bytes(n->even ? even_whole : open_whole, n->nodes);
+}
+
+static double draping_matrix(const struct sizes *n, const drape_options *options)
+{
+    if (is_explicit(options))
         return 0;
-    if (options->method == DRAPE_METHOD_NEWTON)
-        factor *= LDL_FACTOR;
-    if (options->method == DRAPE_METHOD_AUTO && !options->certify)
-        factor *= HINGES;
-    return factor * n * square(log2(n + 1));
+    if (options->method == DRAPE_METHOD_AUTO)
+        return fill_bytes(n->sewn ? sewn_hinges : open_hinges, n->nodes);
+    return whole_matrix(n) * (options->method == DRAPE_METHOD_NEWTON ? LDL : 1);
+}
+
+static double arrays_of(const drape_options *options)
+{
+    switch (options->method) {
+    case DRAPE_METHOD_AUTO:
+        return 4;
+    case DRAPE_METHOD_QUASI_STATIC:
+    case DRAPE_METHOD_NEWTON:
+        return 0;
+    default:
+        return is_explicit(options) ? 5 : 3;
+    }
+}
+
+static double contact_bytes(const struct sizes *n, double bodies)
+{
+    return bodies > 0 ? TOUCHING * n->nodes + SIGHT * bodies * n->samples : 0;
 }
 
 /* Twice the area and six times the volume of a closed mesh, and its box. */
@@ -118,9 +193,9 @@ static double field_bytes(const drape_body *body)
     return bytes;
 }
 
-/* One that moves has a field where it starts, one for each posture on the way, and one where it ends; three
- * are held at a time. */
-static double body_bytes(const drape_body *body)
+/* One that moves has a field where it ends, and one where it starts if there is cloth to sew round it; on the
+ * way its nearest points are looked up. */
+static double body_bytes(const drape_body *body, bool sewn)
 {
     double vertex = 3 * sizeof(double) * (double)body->vertices;
     if (body->kind != DRAPE_BODY_MESH)
@@ -128,25 +203,78 @@ static double body_bytes(const drape_body *body)
     double one = body->field ? (double)drape_field_bytes(body->field) : field_bytes(body);
     if (!body->keyframes)
         return one + vertex;
-    return 2 * one + ((double)body->keyframes + 4) * vertex + NEAREST_PER_TRIANGLE * (double)body->triangles;
+    return (sewn ? 2 : 1) * one + ((double)body->keyframes + 4) * vertex + NEAREST * (double)body->triangles;
+}
+
+/* Scene and state: what is held from beginning to end. */
+static double held_bytes(const struct sizes *n, const drape_scene_desc *desc, const drape_options *options)
+{
+    double mesh = MESH + (n->even ? EVEN_BEND : BEND);
+    double bytes = PIECE * n->vertices + WELDED * n->nodes + mesh * n->triangles +
+                   ((double)options->max_iterations + 1) * sizeof(drape_row);
+    if (n->sewn)
+        bytes += mesh * n->triangles;
+    if (has_coarse_mesh(desc))
+        bytes += (COARSE + (n->sewn ? mesh / 4 : 0)) * n->triangles;
+    if (options->fit)
+        bytes += FIT * n->triangles;
+    for (size_t b = 0; b < desc->bodies; b++)
+        bytes += body_bytes(&desc->body[b], n->sewn);
+    return bytes;
+}
+
+static double sewing_bytes(const struct sizes *n, double bodies)
+{
+    return n->sewn ? fill_bytes(sewn_hinges, n->vertices) * NOT_WELDED + 3 * ARRAY * n->vertices +
+                         STRESS * n->triangles + contact_bytes(n, bodies)
+                   : 0;
+}
+
+/* But for the matrix. */
+static double draping_bytes(const struct sizes *n, const drape_scene_desc *desc, const drape_options *options)
+{
+    double bytes = (6 + arrays_of(options)) * ARRAY * n->nodes + contact_bytes(n, (double)desc->bodies);
+    if (!is_explicit(options))
+        bytes += STRESS * n->triangles;
+    if (n->self)
+        bytes += SELF * n->nodes;
+    if (n->touching)
+        bytes += FRICTION * n->nodes;
+    if (n->touching && options->method == DRAPE_METHOD_AUTO)
+        bytes += GAP * GAPS * n->samples;
+    return bytes;
+}
+
+/* On top of the phase before it. */
+static double certificate_bytes(const struct sizes *n, const drape_scene_desc *desc,
+                                const drape_options *options)
+{
+    bool own = options->method != DRAPE_METHOD_NEWTON && !is_explicit(options);
+    double bytes = ARRAY * n->nodes;
+    if (options->method == DRAPE_METHOD_AUTO)
+        return bytes + whole_matrix(n) - draping_matrix(n, options);
+    return own ? bytes
+               : bytes + ARRAY * n->nodes + STRESS * n->triangles + contact_bytes(n, (double)desc->bodies) +
+                     whole_matrix(n);
+}
+
+static double moving_bytes(const struct sizes *n, const drape_scene_desc *desc)
+{
+    double bytes = 0;
+    for (size_t b = 0; b < desc->bodies; b++)
+        if (desc->body[b].keyframes)
+            bytes = whole_matrix(n) + (16 + DR_CARRY_SCRATCH) * sizeof(double) * n->nodes +
+                    (n->self ? SELF * n->nodes : 0) + contact_bytes(n, (double)desc->bodies);
+    return bytes;
 }
 
 size_t drape_memory_estimate(const drape_scene_desc *desc, const drape_options *options)
 {
-    double vertices = (double)desc->vertices, triangles = (double)desc->triangles;
-    double bytes = BYTES_PER_VERTEX * vertices + BYTES_PER_TRIANGLE * triangles +
-                   matrix_bytes(desc, options) + ((double)options->max_iterations + 1) * sizeof(drape_row);
-    if (keeps_off_itself(desc, options))
-        bytes += SELF_PER_VERTEX * vertices;
-    if (desc->seams)
-        bytes += PIECES_PER_TRIANGLE * triangles;
-    if (has_coarse_mesh(desc)) /* a quarter of the triangles */
-        bytes += (COARSE_PER_TRIANGLE + (desc->seams ? PIECES_PER_TRIANGLE / 4 : 0)) * triangles;
-    if (desc->bodies)
-        bytes += TOUCHING_PER_VERTEX * vertices;
-    if (options->fit)
-        bytes += FIT_PER_TRIANGLE * triangles;
-    for (size_t b = 0; b < desc->bodies; b++)
-        bytes += body_bytes(&desc->body[b]);
-    return (size_t)bytes;
+    struct sizes n = count(desc, options);
+    double draping = draping_matrix(&n, options) + draping_bytes(&n, desc, options), most = draping;
+    most = fmax(most, sewing_bytes(&n, (double)desc->bodies));
+    most = fmax(most, moving_bytes(&n, desc));
+    if (options->certify)
+        most = fmax(most, draping + certificate_bytes(&n, desc, options));
+    return (size_t)(held_bytes(&n, desc, options) + most);
 }
