@@ -32,15 +32,33 @@ struct panel {
     size_t lead_update;
 };
 
+/* Rows of what a child leaves that are neighbours in its parent, too: all among its pivots or all below. */
+struct run {
+    uint32_t from;   /* among the rows below the child's pivots */
+    uint32_t to;     /* in the parent's panel */
+    uint32_t length; /* a multiple of 3, as rows come in threes */
+};
+
+/* From what a child leaves to where its parent has it, which begins with row and column `base` of the
+ * parent's panel. */
+struct addition {
+    const float *from;
+    float *to;
+    size_t lead_from, lead_to, base;
+};
+
 struct kernels {
     size_t (*factorise)(
         const struct panel *panel); /* columns done; all but `columns`: a pivot is too small */
     void (*multiply)(const struct panel *panel, float *update);
     void (*forward)(const struct panel *panel, float *x);
     void (*backward)(const struct panel *panel, float *x);
+    void (*add)(const struct run *run, const struct run *end, const struct addition *addition);
 };
 
 #if defined(__x86_64__)
+#include <immintrin.h>
+
 #define LANES        16
 #define WIDE         16
 #define TARGET       __attribute__((target("avx512f")))
@@ -59,13 +77,6 @@ struct kernels {
 #define TARGET
 #define KERNEL(name) name##_any
 #include "front_kernels.h"
-
-/* Rows of what a child leaves that are neighbours in its parent, too: all among its pivots or all below. */
-struct run {
-    uint32_t from; /* among the rows below the child's pivots */
-    uint32_t to;   /* in the parent's panel */
-    uint32_t length;
-};
 
 struct node {
     size_t panel;  /* in `value` */
@@ -394,43 +405,21 @@ static const uint32_t *assemble(const struct dr_front *front, const struct node 
     return place;
 }
 
-static inline void add_run(float *restrict to, const float *restrict from, size_t length)
-{
-    for (size_t i = 0; i < length; i++)
-        to[i] += from[i];
-}
-
-/* Adds what a child left in columns from .. end - 1 of its runs to columns of `to`, whose row 0 is the
- * parent's `base`. */
-static void add_columns(const struct dr_front *front, const struct node *child, size_t lead_child,
-                        bool pivots, const struct panel *parent, float *to, size_t lead, size_t base)
-{
-    const float *update = front->stack + child->update;
-    const struct run *run = front->run + child->first_run, *end = run + child->runs;
-    for (; run < end; run++) {
-        if ((run->to < parent->pivots) != pivots)
-            continue;
-        for (size_t j = 0; j < run->length; j++) {
-            const float *from = update + (run->from + j) * lead_child;
-            float *column = to + (run->to + j - base) * lead;
-            add_run(column + run->to + j - base, from + run->from + j, run->length - j);
-            for (const struct run *other = run + 1; other < end; other++)
-                add_run(column + other->to - base, from + other->from, other->length);
-        }
-    }
-}
-
 /* Adds what the children left: to the panel, or to what the parent leaves itself. */
 static void add_children(const struct dr_front *front, const struct node *node, const struct panel *panel,
                          bool pivots)
 {
+    struct addition addition = {.to = pivots ? panel->value : front->stack + node->update,
+                                .lead_to = pivots ? panel->lead : panel->lead_update,
+                                .base = pivots ? 0 : panel->pivots};
     for (uint32_t i = node->first_child; i != NONE; i = front->node[i].next_child) {
-        size_t lead = panel_of(front, i).lead_update;
-        if (pivots)
-            add_columns(front, front->node + i, lead, true, panel, panel->value, panel->lead, 0);
-        else
-            add_columns(front, front->node + i, lead, false, panel, front->stack + node->update,
-                        panel->lead_update, panel->pivots);
+        const struct node *child = front->node + i;
+        const struct run *run = front->run + child->first_run, *end = run + child->runs;
+        addition.from = front->stack + child->update;
+        addition.lead_from = panel_of(front, i).lead_update;
+        for (; run < end; run++)
+            if ((run->to < panel->pivots) == pivots)
+                front->kernels->add(run, end, &addition);
     }
 }
 

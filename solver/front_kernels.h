@@ -4,10 +4,12 @@
  * TARGET, an attribute of functions; and KERNEL(name). All work is done on strips of STRIP rows, on whose
  * multiples all columns begin and end, padded by zeros. */
 #define VECTOR  KERNEL(vector)
+#define LOOSE   KERNEL(loose)   /* a vector anywhere */
 #define PARTS   (STRIP / LANES) /* vectors of a strip */
 #define inlined static inline __attribute__((always_inline)) TARGET
 
 typedef float VECTOR __attribute__((vector_size(4 * LANES), may_alias));
+typedef float LOOSE __attribute__((vector_size(4 * LANES), may_alias, aligned(4)));
 
 inlined void KERNEL(load)(VECTOR tile[][PARTS], const int w, const float *from, size_t lead)
 {
@@ -172,6 +174,47 @@ TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *upda
         }
 }
 
+/* Adds `length` rows of three columns. */
+inlined void KERNEL(add_rows)(float *to, size_t lead_to, const float *from, size_t lead_from, size_t length)
+{
+    size_t i = 0;
+    for (; i + LANES <= length; i += LANES)
+#pragma GCC unroll 3
+        for (size_t c = 0; c < 3; c++)
+            *(LOOSE *)(to + c * lead_to + i) += *(const LOOSE *)(from + c * lead_from + i);
+#if LANES == 16
+    const __mmask16 rest = (__mmask16)((1u << (length - i)) - 1);
+#pragma GCC unroll 3
+    for (size_t c = 0; c < 3 && rest; c++) {
+        __m512 a = _mm512_maskz_loadu_ps(rest, to + c * lead_to + i);
+        __m512 b = _mm512_maskz_loadu_ps(rest, from + c * lead_from + i);
+        _mm512_mask_storeu_ps(to + c * lead_to + i, rest, _mm512_add_ps(a, b));
+    }
+#else
+    for (; i < length; i++)
+        for (size_t c = 0; c < 3; c++)
+            to[c * lead_to + i] += from[c * lead_from + i];
+#endif
+}
+
+/* Adds the columns of a run, from the diagonal down; the rows end with those of the run before `end`. */
+TARGET static void KERNEL(add_run)(const struct run *run, const struct run *end,
+                                   const struct addition *addition)
+{
+    const size_t lead_from = addition->lead_from, lead_to = addition->lead_to, base = addition->base;
+    for (size_t j = 0; j < run->length; j += 3) {
+        const float *from = addition->from + (run->from + j) * lead_from;
+        float *to = addition->to + (run->to + j - base) * lead_to;
+        size_t row_from = run->from + j, row_to = run->to + j - base;
+        for (size_t c = 0; c < 3; c++)
+            for (size_t r = c; r < 3; r++)
+                to[c * lead_to + row_to + r] += from[c * lead_from + row_from + r];
+        KERNEL(add_rows)(to + row_to + 3, lead_to, from + row_from + 3, lead_from, run->length - j - 3);
+        for (const struct run *other = run + 1; other < end; other++)
+            KERNEL(add_rows)(to + other->to - base, lead_to, from + other->from, lead_from, other->length);
+    }
+}
+
 /* Four strips' worth of the factor, which is read from memory, panel by panel from end to end; panels are too
  * short for the processor to foresee that. */
 inlined void KERNEL(fetch)(const float *ahead)
@@ -245,9 +288,10 @@ TARGET static void KERNEL(backward)(const struct panel *panel, float *x)
 }
 
 static const struct kernels KERNEL(kernels) = {KERNEL(factorise_panel), KERNEL(multiply_panel),
-                                               KERNEL(forward), KERNEL(backward)};
+                                               KERNEL(forward), KERNEL(backward), KERNEL(add_run)};
 
 #undef VECTOR
+#undef LOOSE
 #undef PARTS
 #undef inlined
 #undef LANES
