@@ -219,10 +219,10 @@ TARGET static void KERNEL(add_run)(const struct run *run, const struct run *end,
  * short for the processor to foresee that. */
 inlined void KERNEL(fetch)(const float *ahead)
 {
-    __builtin_prefetch(ahead);
-    __builtin_prefetch(ahead + STRIP);
-    __builtin_prefetch(ahead + 2 * STRIP);
-    __builtin_prefetch(ahead + 3 * STRIP);
+    __builtin_prefetch(ahead, 0, 2);
+    __builtin_prefetch(ahead + STRIP, 0, 2);
+    __builtin_prefetch(ahead + 2 * STRIP, 0, 2);
+    __builtin_prefetch(ahead + 3 * STRIP, 0, 2);
 }
 
 /* x: the panel's rows. Solves with the pivots' rows and subtracts what that makes in those below. */
