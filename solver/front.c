@@ -16,7 +16,7 @@
 #include <sys/mman.h>
 
 #define STRIP       16
-#define AHEAD       4096     /* floats that a back-solve fetches, past the first cache, before it needs them */
+#define AHEAD       4096 /* floats that a back-solve fetches, past the first cache, before it needs them */
 #define LEAST_PIVOT 0x1p-18f /* of a diagonal of 1 to 4; single round-off is 2^-24 of each term */
 #define CURVED      1e-12    /* curvature that double round-off cannot make, of the terms it sums */
 #define NONE        UINT32_MAX
