@@ -109,6 +109,120 @@ static double facet_square(const struct facet *f, const double p[3])
     return square;
 }
 
+/* Numbers that the processor works on at once; comparing them gives 0 or -1 each. */
+#define LANES 4
+typedef double quad __attribute__((vector_size(LANES * sizeof(double))));
+typedef float quad_float __attribute__((vector_size(LANES * sizeof(float))));
+typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
+typedef int32_t mask_float __attribute__((vector_size(LANES * sizeof(int32_t))));
+
+#define inlined                static inline __attribute__((always_inline))
+#define CHOOSE(which, yes, no) ((quad)(((which) & (mask)(yes)) | (~(which) & (mask)(no))))
+
+/* facet_square of several points, to the same bytes. */
+inlined void find_squares(const struct facet *f, const quad p[3], quad *ret)
+{
+    const double *ab = f->ab, *ac = f->ac;
+    const quad zero = {0}, one = 1 - zero;
+    quad ap[3] = {p[0] - f->a[0], p[1] - f->a[1], p[2] - f->a[2]};
+    quad a1 = ab[0] * ap[0] + ab[1] * ap[1] + ab[2] * ap[2]; /* p - a against the two edges */
+    quad a2 = ac[0] * ap[0] + ac[1] * ap[1] + ac[2] * ap[2];
+    quad b1 = a1 - f->bb, b2 = a2 - f->bc; /* p - b */
+    quad c1 = a1 - f->bc, c2 = a2 - f->cc; /* p - c */
+    quad in_c = a1 * b2 - b1 * a2, in_b = c1 * a2 - a1 * c2, in_a = b1 * c2 - c1 * b2;
+
+    mask at_a = (a1 <= 0) & (a2 <= 0);
+    mask at_b = (b1 >= 0) & (b2 <= b1) & ~at_a, corner = at_a | at_b;
+    mask at_c = (c2 >= 0) & (c1 <= c2) & ~corner;
+    corner |= at_c;
+    mask on_ab = (in_c <= 0) & (a1 >= 0) & (b1 <= 0) & ~corner, found = corner | on_ab;
+    mask on_ac = (in_b <= 0) & (a2 >= 0) & (c2 <= 0) & ~found;
+    found |= on_ac;
+    mask on_bc = (in_a <= 0) & (b2 >= b1) & (c1 >= c2) & ~found;
+
+    /* a + v ab + w ac, v and w being parts of a whole; on bc v is what w leaves. */
+    quad v = CHOOSE(at_b, one, CHOOSE(on_ab, a1, CHOOSE(found, zero, in_b)));
+    quad w = CHOOSE(on_bc, b2 - b1, in_c), whole = CHOOSE(on_bc, (b2 - b1) + (c1 - c2), in_a + in_b + in_c);
+    w = CHOOSE(at_c, one, CHOOSE(on_ac, a2, CHOOSE(found, zero, w)));
+    whole = CHOOSE(corner, one, CHOOSE(on_ab, a1 - b1, CHOOSE(on_ac, a2 - c2, whole)));
+    mask sound = whole > 0; /* not so: a collapsed edge or triangle */
+    v = CHOOSE(sound, v / whole, zero);
+    w = CHOOSE(sound, w / whole, zero);
+    v = CHOOSE(on_bc, 1 - w, v);
+    *ret = zero;
+    for (int d = 0; d < 3; d++) {
+        quad gap = ap[d] - v * ab[d] - w * ac[d];
+        *ret += gap * gap;
+    }
+}
+
+/* Neighbours along x: their place on the grid, and those from .. to - 1 that count. */
+struct row {
+    uint32_t first, from, to, j, k;
+};
+
+/* Squared distances from the triangle's bounding box: no point is nearer to the triangle itself. */
+inlined void find_box_squares(const struct facet *f, const quad p[3], quad *ret)
+{
+    const quad zero = {0};
+    *ret = zero;
+    for (int d = 0; d < 3; d++) {
+        quad below = f->low[d] - p[d], above = p[d] - f->high[d], gap = CHOOSE(below > above, below, above);
+        gap = CHOOSE(gap > 0, gap, zero);
+        *ret += gap * gap;
+    }
+}
+
+/* Offers triangle t to a row, whose nodes have those squared distances and triangles: it stays with those
+ * that it is nearer to. */
+inlined void offer_row_in(const struct facet *f, uint32_t t, const struct row *row, float *value,
+                          uint32_t *nearest)
+{
+    const mask_float i = (mask_float){0, 1, 2, 3} + (int32_t)row->first;
+    const mask_float counts = (i >= (int32_t)row->from) & (i < (int32_t)row->to);
+    const quad zero = {0}, p[3] = {__builtin_convertvector(i, quad), zero + row->j, zero + row->k};
+    quad_float before;
+    mask_float triangle;
+    quad exact;
+    memcpy(&before, value, sizeof before);
+    memcpy(&triangle, nearest, sizeof triangle);
+
+    find_box_squares(f, p, &exact); /* farther by more than round-off: most are */
+    mask_float nearer = (__builtin_convertvector(exact, quad_float) < before * 1.00001f + 0.00001f) & counts;
+    uint64_t any[2];
+    memcpy(any, &nearer, sizeof any);
+    if (!(any[0] | any[1]))
+        return;
+    find_squares(f, p, &exact);
+    quad_float square = __builtin_convertvector(exact, quad_float);
+    nearer = (square < before) & counts;
+    before = (quad_float)((nearer & (mask_float)square) | (~nearer & (mask_float)before));
+    triangle = (nearer & (int32_t)t) | (~nearer & triangle);
+    memcpy(value, &before, sizeof before);
+    memcpy(nearest, &triangle, sizeof triangle);
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) static void
+offer_row_fast(const struct facet *f, uint32_t t, const struct row *row, float *value, uint32_t *nearest)
+{
+    offer_row_in(f, t, row, value, nearest);
+}
+#endif
+
+/* The same bytes either way. */
+static void offer_row(const struct facet *f, uint32_t t, const struct row *row, float *value,
+                      uint32_t *nearest)
+{
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx2")) {
+        offer_row_fast(f, t, row, value, nearest);
+        return;
+    }
+#endif
+    offer_row_in(f, t, row, value, nearest);
+}
+
 /* Whether the distance from p is no more than `far`: a corner or the box tells most of the time. */
 static bool is_within(const struct facet *f, const double p[3], double far)
 {
@@ -394,27 +508,18 @@ static float negated(float value)
     return -value;
 }
 
-/* Offers triangle t to a node at p; true when it is nearer than the one before. */
-static bool offer(struct builder *b, size_t node, const double p[3], uint32_t t)
-{
-    float square = (float)facet_square(b->facet + t, p);
-    b->work++;
-    if (square >= b->field->value[node])
-        return false;
-    b->field->value[node] = square;
-    b->nearest[node] = t;
-    return true;
-}
-
 /* Offers triangle t to the nodes of one block that lie within SPLAT of its bounding box. */
 static void splat_block(struct builder *b, uint32_t t, const uint32_t block[3])
 {
     struct node_box box = splat_box(b->facet + t, block);
+    struct row row = {.from = box.from[0], .to = box.to[0]};
     size_t first = DR_BLOCK_NODES * b->field->table[table_index(b->field, block[0], block[1], block[2])];
-    for (uint32_t k = box.from[2]; k < box.to[2]; k++)
-        for (uint32_t j = box.from[1]; j < box.to[1]; j++)
-            for (uint32_t i = box.from[0]; i < box.to[0]; i++)
-                offer(b, first + local_index(i, j, k), (double[3]){i, j, k}, t);
+    for (row.k = box.from[2]; row.k < box.to[2]; row.k++)
+        for (row.j = box.from[1]; row.j < box.to[1]; row.j++)
+            for (row.first = row.from / LANES * LANES; row.first < row.to; row.first += LANES) {
+                size_t node = first + local_index(row.first, row.j, row.k);
+                offer_row(b->facet + t, t, &row, b->field->value + node, b->nearest + node);
+            }
 }
 
 /* ---- 5. spread ------------------------------------------------------------------------------- */
@@ -451,6 +556,17 @@ static void node_place(const struct builder *b, size_t node, uint32_t ret[3])
     ret[0] = place % side[0] * DR_BLOCK + local % DR_BLOCK;
     ret[1] = place / side[0] % side[1] * DR_BLOCK + local / DR_BLOCK % DR_BLOCK;
     ret[2] = place / side[0] / side[1] * DR_BLOCK + local / DR_BLOCK / DR_BLOCK;
+}
+
+/* Offers triangle t to a node at p; true when it is nearer than the one before. */
+static bool offer(struct builder *b, size_t node, const double p[3], uint32_t t)
+{
+    float square = (float)facet_square(b->facet + t, p);
+    if (square >= b->field->value[node])
+        return false;
+    b->field->value[node] = square;
+    b->nearest[node] = t;
+    return true;
 }
 
 /* Offers a node's triangle to its six neighbours; those that take it will hand it on. */
@@ -494,19 +610,27 @@ static bool spread(struct builder *b)
 
 /* ---- 7. sharpen ------------------------------------------------------------------------------ */
 
-/* The coefficient at a node: its distance f less a sixth of what the six around it change it by (see
- * field.h). Next to a node that is not resolved the distance itself serves. */
-static float coefficient(const struct builder *b, size_t node)
+/* The coefficients of a row of a block, along x: a node's distance less a sixth of what the six around it
+ * change it by (see field.h). Next to a node that is not resolved the distance itself serves. */
+static void sharpen_row(const struct builder *b, size_t row, float *sharp)
 {
-    const float *value = b->field->value;
-    float sum = 0;
-    for (int k = 0; k < 6; k++) {
-        size_t neighbor = neighbor_of(b, node, k);
+    const float *value = b->field->value, *mine = value + row, *side[4];
+    float line[DR_BLOCK + 2]; /* with the nodes before and after */
+    size_t before = neighbor_of(b, row, 0), after = neighbor_of(b, row + DR_BLOCK - 1, 1);
+    memcpy(sharp, mine, DR_BLOCK * sizeof *sharp);
+    for (int k = 0; k < 4; k++) {
+        size_t neighbor = neighbor_of(b, row, k + 2);
         if (neighbor < DR_BLOCK_NODES)
-            return value[node];
-        sum += value[neighbor];
+            return;
+        side[k] = value + neighbor;
     }
-    return 2 * value[node] - sum / 6;
+    line[0] = value[before];
+    memcpy(line + 1, mine, DR_BLOCK * sizeof *line);
+    line[DR_BLOCK + 1] = value[after];
+    for (int i = before < DR_BLOCK_NODES; i < DR_BLOCK - (after < DR_BLOCK_NODES); i++) {
+        float sum = line[i] + line[i + 2] + side[0][i] + side[1][i] + side[2][i] + side[3][i];
+        sharp[i] = 2 * mine[i] - sum / 6;
+    }
 }
 
 /* Puts the coefficients in the distances' place; false when out of memory. */
@@ -518,8 +642,8 @@ static bool sharpen(struct builder *b)
     if (!sharp)
         return false;
     memcpy(sharp, field->value, DR_BLOCK_NODES * sizeof *sharp); /* the far block */
-    for (size_t n = DR_BLOCK_NODES; n < nodes; n++)
-        sharp[n] = coefficient(b, n);
+    for (size_t row = DR_BLOCK_NODES; row < nodes; row += DR_BLOCK)
+        sharpen_row(b, row, sharp + row);
     free(field->value);
     field->value = sharp;
     return true;

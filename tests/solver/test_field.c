@@ -1,9 +1,11 @@
-/* test_field.c - reading a field with what this processor has, and without. Distances: test_body.c. */
+/* test_field.c - making and reading a field with what this processor has, and without. Distances:
+ * test_body.c. */
 #include "test.h"
 
 #include "shapes.h"
 
 #include "field.c"
+#include "field_build.c"
 
 static void test_field__every_processor_reads_the_same_bytes(void **state)
 {
@@ -35,8 +37,67 @@ static void test_field__every_processor_reads_the_same_bytes(void **state)
 #endif
 }
 
+/* A triangle of a few units; every fourth is a needle, an edge or a point. */
+static void make_facet(struct facet *f, int number, uint64_t *random)
+{
+    double corner[3][3];
+    for (int c = 0; c < 3; c++)
+        for (int d = 0; d < 3; d++)
+            corner[c][d] = 20 + 3 * test_random(random);
+    if (number % 4 == 0)
+        for (int d = 0; d < 3; d++)
+            corner[2][d] = (corner[0][d] + corner[1][d]) / 2 + (number % 8 ? 0 : 1e-9 * test_random(random));
+    if (number % 16 == 4)
+        memcpy(corner[1], corner[0], sizeof corner[1]);
+    if (number % 32 == 20)
+        memcpy(corner[2], corner[0], sizeof corner[2]);
+    facet_init(f, corner[0], corner[1], corner[2]);
+}
+
+static void test_field__a_row_takes_what_each_of_its_nodes_would(void **state)
+{
+    (void)state;
+    uint64_t random = 5;
+    size_t taken = 0, left = 0;
+    for (int n = 0; n < 40000; n++) {
+        struct facet facet;
+        struct row row = {.first = 18, .from = 18, .to = 22, .j = 16 + (uint32_t)n % 9, .k = 15};
+        float value[LANES], expected[LANES], plain[LANES];
+        uint32_t nearest[LANES], expected_nearest[LANES], plain_nearest[LANES];
+        make_facet(&facet, n, &random);
+        row.from += (uint32_t)n / 9 % 3;
+        row.to -= (uint32_t)n / 27 % 2;
+        for (uint32_t i = 0; i < LANES; i++) {
+            double p[3] = {row.first + i, row.j, row.k}, square = facet_square(&facet, p);
+            /* at what it has, a round-off to either side, or anywhere */
+            value[i] = n % 3 ? (float)(square * (1 + 0.2 * test_random(&random))) : (float)square;
+            value[i] = n % 7 ? value[i] : nextafterf((float)square, n % 2 ? FLT_MAX : 0);
+            value[i] = n % 11 ? value[i] : FLT_MAX;
+            nearest[i] = 77;
+            bool nearer = row.first + i >= row.from && row.first + i < row.to && (float)square < value[i];
+            expected[i] = nearer ? (float)square : value[i];
+            expected_nearest[i] = nearer ? (uint32_t)n : 77;
+            taken += nearer;
+            left += !nearer;
+        }
+        memcpy(plain, value, sizeof plain);
+        memcpy(plain_nearest, nearest, sizeof plain_nearest);
+        offer_row_in(&facet, (uint32_t)n, &row, plain, plain_nearest);
+        offer_row(&facet, (uint32_t)n, &row, value, nearest);
+        assert_memory_equal(plain, expected, sizeof plain);
+        assert_memory_equal(plain_nearest, expected_nearest, sizeof plain_nearest);
+        assert_memory_equal(value, expected, sizeof value);
+        assert_memory_equal(nearest, expected_nearest, sizeof nearest);
+    }
+    assert_in_range(taken, 20000, 140000);
+    assert_in_range(left, 20000, 140000);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_field__every_processor_reads_the_same_bytes)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_field__every_processor_reads_the_same_bytes),
+        cmocka_unit_test(test_field__a_row_takes_what_each_of_its_nodes_would),
+    };
     return cmocka_run_group_tests_name("field", tests, NULL, NULL);
 }
