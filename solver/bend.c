@@ -691,6 +691,16 @@ static void times_rigidity(const double d[6], const double x[3], double y[3])
     y[2] = d[3] * x[0] + d[4] * x[1] + d[5] * x[2];
 }
 
+/* Two coordinates that the processor may work on at once. */
+typedef double lanes __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
+
+static inline void lanes_times_rigidity(const double d[6], const lanes x[3], lanes y[3])
+{
+    y[0] = d[0] * x[0] + d[1] * x[1] + d[3] * x[2];
+    y[1] = d[1] * x[0] + d[2] * x[1] + d[4] * x[2];
+    y[2] = d[3] * x[0] + d[4] * x[1] + d[5] * x[2];
+}
+
 double dr_bend_energy(const struct dr_bend *bend, const double *x, double *g)
 {
     double energy = 0;
@@ -698,23 +708,33 @@ double dr_bend_energy(const struct dr_bend *bend, const double *x, double *g)
         size_t first = bend->start[t], end = bend->start[t + 1];
         if (first == end)
             continue;
-        const double *origin = x + 3 * (size_t)bend->node[first];
-        double K[3][3] = {{0}}, M[3][3]; /* by coordinate, then component: curvature, moment times area */
+        const double *origin = x + 3 * (size_t)bend->node[first], *d = bend->d + 6 * t;
+        const lanes origin_xy = *(const lanes *)origin;
+        lanes K_xy[3] = {{0}}, M_xy[3]; /* by component: curvature, moment times area */
+        double K_z[3] = {0}, M_z[3];
         for (size_t e = first + 1; e < end; e++) {
             const double *at = x + 3 * (size_t)bend->node[e], *c = bend->c + 3 * e;
-            for (int k = 0; k < 3; k++)
-                for (int r = 0; r < 3; r++)
-                    K[k][r] += c[r] * (at[k] - origin[k]);
+            const lanes xy = *(const lanes *)at - origin_xy;
+            const double z = at[2] - origin[2];
+            for (int r = 0; r < 3; r++) {
+                K_xy[r] += c[r] * xy;
+                K_z[r] += c[r] * z;
+            }
         }
-        for (int k = 0; k < 3; k++) {
-            times_rigidity(bend->d + 6 * t, K[k], M[k]);
-            energy += dot(3, K[k], M[k]) / 2;
-        }
+        lanes_times_rigidity(d, K_xy, M_xy);
+        times_rigidity(d, K_z, M_z);
+        const lanes of_xy = K_xy[0] * M_xy[0] + K_xy[1] * M_xy[1] + K_xy[2] * M_xy[2];
+        energy += of_xy[0] / 2;
+        energy += of_xy[1] / 2;
+        energy += (K_z[0] * M_z[0] + K_z[1] * M_z[1] + K_z[2] * M_z[2]) / 2;
         if (!g)
             continue;
-        for (size_t e = first; e < end; e++)
-            for (int k = 0; k < 3; k++)
-                g[3 * (size_t)bend->node[e] + k] += dot(3, bend->c + 3 * e, M[k]);
+        for (size_t e = first; e < end; e++) {
+            const double *c = bend->c + 3 * e;
+            double *to = g + 3 * (size_t)bend->node[e];
+            *(lanes *)to += c[0] * M_xy[0] + c[1] * M_xy[1] + c[2] * M_xy[2];
+            to[2] += c[0] * M_z[0] + c[1] * M_z[1] + c[2] * M_z[2];
+        }
     }
     return energy;
 }
@@ -929,9 +949,6 @@ void dr_bend_stiffness_subtract(struct dr_bend_stiffness *q, const struct dr_ben
         }
     }
 }
-
-/* Two coordinates that the processor may work on at once. */
-typedef double lanes __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
 
 void dr_bend_stiffness_multiply(const struct dr_bend_stiffness *q, const double *from, double *to)
 {
