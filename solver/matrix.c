@@ -539,24 +539,26 @@ static void add_scalar(double *value, struct slot slot, double scalar)
     first[2 * length - 1] += scalar;
 }
 
-/* Adds the 3x3 block at H, its rows `stride` apart, to an off-diagonal slot. */
-static inline void add_block(double *value, struct slot slot, const double *H, const size_t stride)
+/* Adds a 3x3 block, the entries of whose rows are `step` apart, to an off-diagonal slot. */
+static inline void add_block(double *value, struct slot slot, const double *row0, const double *row1,
+                             const double *row2, const size_t step)
 {
     int length = (int)(slot.length & ~TRANSPOSED);
     if (!length)
         return;
+    const double *row[3] = {row0, row1, row2};
     double *c0 = value + slot.at, *c1 = c0 + length - 1, *c2 = c1 + length - 2;
     if (slot.length & TRANSPOSED) {
-        for (int r = 0; r < 3; r++) {
-            c0[r] += H[r];
-            c1[r] += H[stride + (size_t)r];
-            c2[r] += H[2 * stride + (size_t)r];
+        for (size_t r = 0; r < 3; r++) {
+            c0[r] += row0[r * step];
+            c1[r] += row1[r * step];
+            c2[r] += row2[r * step];
         }
     } else {
         for (size_t r = 0; r < 3; r++) {
-            c0[r] += H[stride * r];
-            c1[r] += H[stride * r + 1];
-            c2[r] += H[stride * r + 2];
+            c0[r] += row[r][0];
+            c1[r] += row[r][step];
+            c2[r] += row[r][2 * step];
         }
     }
 }
@@ -611,9 +613,27 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
         return;
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < a; b++)
-            add_block(value, *slot++, &H[3 * a][3 * b], 9);
+            add_block(value, *slot++, &H[3 * a][3 * b], &H[3 * a + 1][3 * b], &H[3 * a + 2][3 * b], 1);
         const double *d0 = &H[3 * a][3 * a], *d1 = d0 + 9, *d2 = d1 + 9;
         add_diagonal(value, *slot++, d0[0], d1[0], d1[1], d2[0], d2[1], d2[2]);
+    }
+}
+
+void dr_matrix_add_triangles(struct dr_matrix *A, size_t t, size_t count, const double H[45][DR_MATRIX_BATCH])
+{
+    double *value = A->free ? A->A->x : NULL;
+    const struct slot *slot = A->triangle + 6 * t;
+    for (size_t k = 0; k < count && value; k++) {
+        const double *at = &H[0][k];
+#pragma GCC unroll 3
+        for (size_t a = 0; a < 3; a++) {
+            const size_t step = DR_MATRIX_BATCH;
+            const double *row0 = at + step * (3 * a * (3 * a + 1) / 2);
+            const double *row1 = row0 + step * (3 * a + 1), *row2 = row1 + step * (3 * a + 2);
+            for (size_t b = 0; b < a; b++, row0 += 3 * step, row1 += 3 * step, row2 += 3 * step)
+                add_block(value, *slot++, row0, row1, row2, step);
+            add_diagonal(value, *slot++, row0[0], row1[0], row1[step], row2[0], row2[step], row2[2 * step]);
+        }
     }
 }
 
@@ -631,7 +651,7 @@ bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b)
 void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
 {
     if (A->free)
-        add_block(A->A->x, find_slot(A, a, b), H[0], 3);
+        add_block(A->A->x, find_slot(A, a, b), H[0], H[1], H[2], 1);
 }
 
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)
@@ -646,7 +666,7 @@ void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)
 void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9])
 {
     if (A->free)
-        add_block(A->A->x, A->link[i], H, 3);
+        add_block(A->A->x, A->link[i], H, H + 3, H + 6, 1);
 }
 
 /* Entries of the fullest row of L: each supernode lists its rows, which are as wide as it has columns. */

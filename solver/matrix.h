@@ -73,6 +73,12 @@ void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6]);
  * only its lower triangle is read. */
 void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9]);
 
+/* The same for triangles t .. t + count - 1 one after the other, count to DR_MATRIX_BATCH: entry i, j <= i,
+ * of theirs is H[i * (i + 1) / 2 + j][0 .. count - 1]. */
+#define DR_MATRIX_BATCH 4
+void dr_matrix_add_triangles(struct dr_matrix *A, size_t t, size_t count,
+                             const double H[45][DR_MATRIX_BATCH]);
+
 /* Whether the pattern has a place for the block of nodes a != b, or needs none since one of them is held. */
 bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b);
 

@@ -328,51 +328,113 @@ inlined void tensile_part(double s[3])
     s[2] = c * s[2];
 }
 
+/* As many triangles as the processor may work on at once. */
+#define LANES DR_MATRIX_BATCH
+typedef double quad __attribute__((vector_size(LANES * sizeof(double)), aligned(sizeof(double)), may_alias));
+
+/* What their Hessians are made of. */
+struct batch {
+    double fu[3][LANES], fv[3][LANES], grad[6][LANES], area[LANES], stress[3][LANES];
+    double d11[LANES], d12[LANES], d22[LANES], d33[LANES];
+};
+
+inlined void fill_lane(const struct dr_stretch *stretch, size_t t, const double *x, const double *stress,
+                       double compression, struct batch *batch, size_t lane, const bool curved)
+{
+    const struct dr_mesh *mesh = stretch->mesh;
+    const struct elasticity *D = &stretch->elasticity[mesh->material[t]];
+    struct elasticity tangent;
+    double fu[3], fv[3], s[3] = {stress[3 * t], stress[3 * t + 1], stress[3 * t + 2]};
+    gradient_of(mesh, t, x, fu, fv);
+    if (curved) {
+        double e[3], unused[3];
+        green_strain(fu, fv, e);
+        curve_response(stretch, mesh->material[t], e, compression, unused, &tangent);
+        D = &tangent;
+    }
+    tensile_part(s);
+    for (size_t k = 0; k < 3; k++) {
+        batch->fu[k][lane] = fu[k];
+        batch->fv[k][lane] = fv[k];
+        batch->stress[k][lane] = s[k] + compression * (stress[3 * t + k] - s[k]);
+    }
+    for (size_t k = 0; k < 6; k++)
+        batch->grad[k][lane] = mesh->grad[6 * t + k];
+    batch->area[lane] = mesh->area[t];
+    batch->d11[lane] = D->d11;
+    batch->d12[lane] = D->d12;
+    batch->d22[lane] = D->d22;
+    batch->d33[lane] = D->d33;
+}
+
+inlined const quad *lanes(const double number[LANES])
+{
+    return (const quad *)number;
+}
+
+/* The lower triangles of the Hessians, row by row. */
+inlined void find_hessians_in(const struct batch *batch, double ret[45][LANES])
+{
+    const quad area = *lanes(batch->area), *s = lanes(batch->stress[0]), *grad = lanes(batch->grad[0]);
+    const quad d11 = *lanes(batch->d11), d12 = *lanes(batch->d12), d22 = *lanes(batch->d22),
+               d33 = *lanes(batch->d33), *fu = lanes(batch->fu[0]), *fv = lanes(batch->fv[0]);
+    quad B[3][9], DB[3][9], *H = (quad *)ret[0];
+    for (int a = 0; a < 3; a++)
+        for (int d = 0; d < 3; d++) {
+            B[0][3 * a + d] = fu[d] * grad[2 * a];
+            B[1][3 * a + d] = fv[d] * grad[2 * a + 1];
+            B[2][3 * a + d] = fu[d] * grad[2 * a + 1] + fv[d] * grad[2 * a];
+        }
+    for (int i = 0; i < 9; i++) {
+        DB[0][i] = area * (d11 * B[0][i] + d12 * B[1][i]);
+        DB[1][i] = area * (d12 * B[0][i] + d22 * B[1][i]);
+        DB[2][i] = area * d33 * B[2][i];
+    }
+    for (int i = 0; i < 9; i++)
+        for (int j = 0; j <= i; j++)
+            H[i * (i + 1) / 2 + j] = B[0][i] * DB[0][j] + B[1][i] * DB[1][j] + B[2][i] * DB[2][j];
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b <= a; b++) {
+            const quad *ga = grad + 2 * a, *gb = grad + 2 * b;
+            quad geometric =
+                area * (ga[0] * (s[0] * gb[0] + s[2] * gb[1]) + ga[1] * (s[2] * gb[0] + s[1] * gb[1]));
+            for (int d = 0; d < 3; d++)
+                H[(3 * a + d) * (3 * a + d + 1) / 2 + 3 * b + d] += geometric;
+        }
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2"))) static void find_hessians_fast(const struct batch *batch,
+                                                               double ret[45][LANES])
+{
+    find_hessians_in(batch, ret);
+}
+#endif
+
+/* The same bytes either way. */
+static void find_hessians(const struct batch *batch, double ret[45][LANES])
+{
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx2")) {
+        find_hessians_fast(batch, ret);
+        return;
+    }
+#endif
+    find_hessians_in(batch, ret);
+}
+
 inlined void hessian_loop(const struct dr_stretch *stretch, const double *x, const double *stress,
                           double compression, struct dr_matrix *A, const bool curved)
 {
-    const struct dr_mesh *mesh = stretch->mesh;
-    for (size_t t = 0; t < mesh->triangles; t++) {
-        const struct elasticity *D = &stretch->elasticity[mesh->material[t]];
-        struct elasticity tangent;
-        const double *grad = mesh->grad + 6 * t;
-        double area = mesh->area[t];
-        double fu[3], fv[3], B[3][9], DB[3][9], H[9][9];
-        gradient_of(mesh, t, x, fu, fv);
-        if (curved) {
-            double e[3], unused[3];
-            green_strain(fu, fv, e);
-            curve_response(stretch, mesh->material[t], e, compression, unused, &tangent);
-            D = &tangent;
-        }
-        for (int a = 0; a < 3; a++)
-            for (int d = 0; d < 3; d++) {
-                B[0][3 * a + d] = fu[d] * grad[2 * a];
-                B[1][3 * a + d] = fv[d] * grad[2 * a + 1];
-                B[2][3 * a + d] = fu[d] * grad[2 * a + 1] + fv[d] * grad[2 * a];
-            }
-        for (int i = 0; i < 9; i++) {
-            DB[0][i] = area * (D->d11 * B[0][i] + D->d12 * B[1][i]);
-            DB[1][i] = area * (D->d12 * B[0][i] + D->d22 * B[1][i]);
-            DB[2][i] = area * D->d33 * B[2][i];
-        }
-        for (int i = 0; i < 9; i++)
-            for (int j = 0; j <= i; j++)
-                H[i][j] = B[0][i] * DB[0][j] + B[1][i] * DB[1][j] + B[2][i] * DB[2][j];
-
-        double s[3] = {stress[3 * t], stress[3 * t + 1], stress[3 * t + 2]};
-        tensile_part(s);
-        for (int k = 0; k < 3; k++)
-            s[k] += compression * (stress[3 * t + (size_t)k] - s[k]);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b <= a; b++) {
-                const double *ga = grad + 2 * a, *gb = grad + 2 * b;
-                double geometric =
-                    area * (ga[0] * (s[0] * gb[0] + s[2] * gb[1]) + ga[1] * (s[2] * gb[0] + s[1] * gb[1]));
-                for (int d = 0; d < 3; d++)
-                    H[3 * a + d][3 * b + d] += geometric;
-            }
-        dr_matrix_add_triangle(A, t, H);
+    size_t triangles = stretch->mesh->triangles;
+    struct batch batch = {0};
+    for (size_t t = 0; t < triangles; t += LANES) {
+        size_t count = triangles - t < LANES ? triangles - t : LANES;
+        double H[45][LANES];
+        for (size_t k = 0; k < count; k++)
+            fill_lane(stretch, t + k, x, stress, compression, &batch, k, curved);
+        find_hessians(&batch, H);
+        dr_matrix_add_triangles(A, t, count, (const double(*)[LANES])H);
     }
 }
 

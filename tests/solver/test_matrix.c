@@ -328,9 +328,50 @@ static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **sta
     dr_mesh_free(mesh);
 }
 
+static void test_matrix__batches_of_triangles_add_the_bytes_of_each(void **state)
+{
+    (void)state;
+    struct system s;
+    make(&s);
+    for (size_t size = 1; size <= DR_MATRIX_BATCH; size++) {
+        struct dr_matrix *A[2];
+        double p[3 * NODES], q[2][3 * NODES];
+        uint64_t seed = 17;
+        for (int i = 0; i < 3 * NODES; i++)
+            p[i] = test_random(&seed);
+        for (int k = 0; k < 2; k++) {
+            assert_int_equal(dr_matrix_new(s.mesh, s.bend, s.link, 2, DR_CHOLESKY, NULL, &A[k], NULL),
+                             DRAPE_OK);
+            dr_matrix_set_base(A[k], 1);
+            dr_matrix_reset(A[k]);
+        }
+        for (size_t t = 0; t < s.mesh->triangles; t += size) {
+            size_t count = s.mesh->triangles - t < size ? s.mesh->triangles - t : size;
+            double batch[45][DR_MATRIX_BATCH];
+            memset(batch, 0xff, sizeof batch); /* NaN where nothing may be read */
+            for (size_t k = 0; k < count; k++) {
+                double H[9][9] = {{0}};
+                for (size_t i = 0; i < 9; i++)
+                    for (size_t j = 0; j <= i; j++)
+                        H[i][j] = batch[i * (i + 1) / 2 + j][k] = test_random(&seed);
+                dr_matrix_add_triangle(A[0], t + k, H);
+            }
+            dr_matrix_add_triangles(A[1], t, count, batch);
+        }
+        for (int k = 0; k < 2; k++) {
+            dr_matrix_multiply(A[k], p, q[k]);
+            dr_matrix_free(A[k]);
+        }
+        assert_true(fabs(q[0][3 * s.link[0]]) > 0.01); /* of a free node */
+        assert_memory_equal(q[0], q[1], sizeof q[0]);
+    }
+    release(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_matrix__batches_of_triangles_add_the_bytes_of_each),
         cmocka_unit_test(test_matrix__solve_leaves_no_residual_in_dense_arithmetic),
         cmocka_unit_test(test_matrix__multiply_is_dense_arithmetic_on_the_free_nodes),
         cmocka_unit_test(test_matrix__a_dissected_matrix_is_solved),

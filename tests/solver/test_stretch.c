@@ -1,22 +1,23 @@
 /* test_stretch.c - the membrane against closed forms and finite differences. */
 #include "test.h"
 
-#include "stretch.h"
+#include "stretch.c"
 
 /* The Hessian lands in a dense matrix here, so that this test needs no sparse one. */
-static double dense[18][18];
+#define MOST_NODES 9
+static double dense[3 * MOST_NODES][3 * MOST_NODES];
 static size_t dense_nodes;
 static const uint32_t *dense_triangle;
 
-void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
+void dr_matrix_add_triangles(struct dr_matrix *A, size_t t, size_t count, const double H[45][DR_MATRIX_BATCH])
 {
     (void)A;
-    for (int i = 0; i < 9; i++)
-        for (int j = 0; j < 9; j++) {
-            size_t row = 3 * dense_triangle[3 * t + (size_t)(i / 3)] + (size_t)(i % 3);
-            size_t column = 3 * dense_triangle[3 * t + (size_t)(j / 3)] + (size_t)(j % 3);
-            dense[row][column] += i >= j ? H[i][j] : H[j][i];
-        }
+    assert_in_range(count, 1, DR_MATRIX_BATCH);
+    for (size_t k = 0; k < 81 * count; k++) {
+        size_t i = k / 9 % 9, j = k % 9, row = i > j ? i : j, column = i > j ? j : i;
+        const uint32_t *node = dense_triangle + 3 * (t + k / 81);
+        dense[3 * node[i / 3] + i % 3][3 * node[j / 3] + j % 3] += H[row * (row + 1) / 2 + column][k / 81];
+    }
 }
 
 #define NODES 5
@@ -569,9 +570,77 @@ static void test_stretch__linear_cloth_holds_no_curves(void **state)
     release(&c);
 }
 
+/* The Hessian of `triangles` of a strip, with this compression. */
+static void hessian_of_strip(size_t triangles, const uint32_t *of, const double *x,
+                             const drape_material *cloth, double compression)
+{
+    double rest[2 * MOST_NODES], stress[3 * MOST_NODES];
+    struct dr_mesh *mesh;
+    struct dr_stretch *stretch;
+    for (int i = 0; i < MOST_NODES; i++) {
+        rest[2 * i] = 0.02 * i;
+        rest[2 * i + 1] = 0.03 * (i % 2) + 0.001 * i;
+    }
+    assert_int_equal(
+        dr_mesh_new(MOST_NODES, triangles, of, of, rest, NULL, &cloth->density, NULL, &mesh, NULL), 0);
+    assert_int_equal(dr_stretch_new(mesh, cloth, 1, &stretch, NULL), 0);
+    dense_triangle = of;
+    dr_stretch_stress(stretch, x, NULL, stress);
+    dr_stretch_hessian(stretch, x, stress, compression, NULL);
+    dense_triangle = triangle;
+    dr_stretch_free(stretch);
+    dr_mesh_free(mesh);
+}
+
+static void test_stretch__hessians_of_many_are_those_of_each_to_the_byte(void **state)
+{
+    (void)state;
+    static double many[3 * MOST_NODES][3 * MOST_NODES];
+    double x[3 * MOST_NODES];
+    uint32_t strip[3 * (MOST_NODES - 2)];
+    uint64_t seed = 9;
+    for (uint32_t t = 0; t < MOST_NODES - 2; t++) {
+        strip[3 * t] = t;
+        strip[3 * t + 1] = t + 1 + t % 2;
+        strip[3 * t + 2] = t + 2 - t % 2;
+    }
+    for (int trial = 0; trial < 40; trial++) {
+        const drape_material *cloth = trial % 2 ? &CURVED : &material;
+        size_t triangles = 1 + (size_t)trial % (MOST_NODES - 2);
+        for (int i = 0; i < 3 * MOST_NODES; i++)
+            x[i] = (i % 3 ? 0 : 0.02 * (i / 3)) + (i % 3 == 1 ? 0.03 * (i / 3 % 2) : 0) +
+                   0.005 * test_random(&seed);
+        memset(dense, 0, sizeof dense);
+        hessian_of_strip(triangles, strip, x, cloth, trial % 3 * 0.5);
+        memcpy(many, dense, sizeof many);
+        memset(dense, 0, sizeof dense);
+        for (size_t t = 0; t < triangles; t++)
+            hessian_of_strip(1, strip + 3 * t, x, cloth, trial % 3 * 0.5);
+        assert_true(fabs(dense[0][0]) > 1e-3);
+        assert_memory_equal(many, dense, sizeof many);
+    }
+}
+
+static void test_stretch__every_processor_finds_the_same_hessians(void **state)
+{
+    (void)state;
+    uint64_t seed = 4;
+    for (int trial = 0; trial < 200; trial++) {
+        struct batch batch;
+        double H[45][LANES], plain[45][LANES], *number = &batch.fu[0][0];
+        for (size_t i = 0; i < sizeof batch / sizeof *number; i++)
+            number[i] = 10 * test_random(&seed);
+        find_hessians(&batch, H);
+        find_hessians_in(&batch, plain);
+        assert_memory_equal(H, plain, sizeof H);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_stretch__hessians_of_many_are_those_of_each_to_the_byte),
+        cmocka_unit_test(test_stretch__every_processor_finds_the_same_hessians),
         cmocka_unit_test(test_stretch__gradient_is_the_difference_of_energies),
         cmocka_unit_test(test_stretch__hessian_is_the_difference_of_gradients_in_tension),
         cmocka_unit_test(test_stretch__hessian_is_positive_semidefinite_under_compression),
