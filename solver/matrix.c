@@ -30,7 +30,8 @@ struct slot {
 };
 
 #define TRANSPOSED  0x80000000u
-#define MOST_DOUBTS 2 /* running; then every factor is in double */
+#define AHEAD       256 /* values fetched before a product needs them: its columns are too short to foresee */
+#define MOST_DOUBTS 2   /* running; then every factor is in double */
 
 struct dr_matrix {
     const struct dr_mesh *mesh;
@@ -736,6 +737,7 @@ void dr_matrix_multiply(const struct dr_matrix *A, const double *p, double *q)
         const double *c0 = column[0] + 3, *c1 = column[1] + 2, *c2 = column[2] + 1;
         for (size_t k = A->block_start[j] + 1; k < A->block_start[j + 1]; k++, c0 += 3, c1 += 3, c2 += 3) {
             size_t at = 3 * (size_t)A->node[A->block_row[k]];
+            __builtin_prefetch(column[0] + 9 * (k - A->block_start[j]) + AHEAD);
             multiply_block(c0, c1, c2, p + at, pj, q + at, sum);
         }
         memcpy(qj, sum, sizeof sum);
