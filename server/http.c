@@ -811,7 +811,8 @@ void http_send(struct http_request *request, struct http_answer *answer)
     if (answer != NULL && answer->lacks)
         answer = http_answer_free(answer);
     if (answer == NULL)
-        answer = http_answer_empty(500);
+        answer = http_answer_static(problem_status(PROBLEM_INTERNAL), "application/problem+json",
+                                    problem_no_memory, strlen(problem_no_memory));
     pthread_mutex_lock(&request->http->lock);
     request->answer = answer;
     request->sent = true;

@@ -164,3 +164,7 @@ json_t *problem_json(const struct problem *p, const char *instance, const char *
     }
     return body;
 }
+
+const char problem_no_memory[] =
+    "{\"type\":\"" PROBLEM_TYPE_PREFIX "internal\",\"title\":\"The server failed\",\"status\":500,"
+    "\"detail\":\"out of memory\",\"code\":\"internal\",\"retryable\":true,\"errors\":[]}";

@@ -78,4 +78,7 @@ __attribute__((format(printf, 4, 5))) int problem_at(struct problem *p, enum pro
 /* New reference, or NULL when out of memory. `instance` and `request_id` may be NULL. */
 json_t *problem_json(const struct problem *p, const char *instance, const char *request_id);
 
+/* The same as text for what there is no memory to say: PROBLEM_INTERNAL, "out of memory". */
+extern const char problem_no_memory[];
+
 #endif

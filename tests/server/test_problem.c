@@ -70,6 +70,18 @@ static void test_problem__bytes_that_are_not_utf8_do_not_spoil_the_body(void **s
     json_decref(json);
 }
 
+static void test_problem__what_there_is_no_memory_to_say_is_said_alike(void **state)
+{
+    (void)state;
+    struct problem p;
+    problem_set(&p, PROBLEM_INTERNAL, "out of memory");
+    json_t *made = problem_json(&p, NULL, NULL), *kept = json_loads(problem_no_memory, 0, NULL);
+    assert_non_null(kept);
+    assert_true(json_equal(made, kept));
+    json_decref(made);
+    json_decref(kept);
+}
+
 static void test_problem__a_null_problem_is_not_written(void **state)
 {
     (void)state;
@@ -85,6 +97,7 @@ int main(void)
         cmocka_unit_test(test_problem__what_passes_by_itself_is_retryable),
         cmocka_unit_test(test_problem__json_has_every_member_of_the_contract),
         cmocka_unit_test(test_problem__bytes_that_are_not_utf8_do_not_spoil_the_body),
+        cmocka_unit_test(test_problem__what_there_is_no_memory_to_say_is_said_alike),
         cmocka_unit_test(test_problem__a_null_problem_is_not_written),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
