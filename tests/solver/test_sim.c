@@ -777,52 +777,62 @@ static void stand_far_away(double *positions, double *pattern, uint32_t *triangl
     *pin = 0;
 }
 
-static double gap_round_a_layer(drape_self_contact self_contact, bool one_garment)
-{
+struct layers {
     double positions[3 * (FAR + LAYERS)], pattern[2 * (FAR + LAYERS)];
     uint32_t triangle[3 * (2 + 2 * 3 * (LAYER - 1) * (LAYER - 1))], pin[1 + 4 * LAYER], seam[2 * LAYER];
+    struct example e;
+};
+
+static void make_layers(struct layers *l, drape_self_contact self_contact, bool one_garment)
+{
     const int place[3] = {-1, 1, 0};
     uint32_t first = one_garment ? FAR : 0;
     size_t at = first, pins = one_garment;
     if (one_garment)
-        stand_far_away(positions, pattern, triangle, pin);
+        stand_far_away(l->positions, l->pattern, l->triangle, l->pin);
     for (uint32_t i = 0; i < LAYERS; i++) {
         uint32_t v = first + i, layer = i / (LAYER * LAYER), row = i / LAYER % LAYER, column = i % LAYER;
-        positions[3 * v] = 0.02 * column;
-        positions[3 * v + 1] = (one_garment && layer == 2 ? -0.03 : -0.02) * row;
-        positions[3 * v + 2] = 0.02 * place[layer];
-        pattern[2 * v] = positions[3 * v];
-        pattern[2 * v + 1] = positions[3 * v + 1] + (layer == 2 ? 0.02 : 0);
+        l->positions[3 * v] = 0.02 * column;
+        l->positions[3 * v + 1] = (one_garment && layer == 2 ? -0.03 : -0.02) * row;
+        l->positions[3 * v + 2] = 0.02 * place[layer];
+        l->pattern[2 * v] = l->positions[3 * v];
+        l->pattern[2 * v + 1] = l->positions[3 * v + 1] + (layer == 2 ? 0.02 : 0);
         if (row + 1 == LAYER && layer < 2)
-            seam[2 * column + layer] = v;
+            l->seam[2 * column + layer] = v;
         if (row == 0 || (one_garment && layer == 2 && row + 1 == LAYER))
-            pin[pins++] = v;
+            l->pin[pins++] = v;
         if (row + 1 < LAYER && column + 1 < LAYER) {
             uint32_t cell[] = {v, v + LAYER, v + 1, v + 1, v + LAYER, v + LAYER + 1};
-            memcpy(triangle + at, cell, sizeof cell);
+            memcpy(l->triangle + at, cell, sizeof cell);
             at += 6;
         }
     }
     if (one_garment) { /* a triangle from the first square's upper edge to the middle one's */
         const uint32_t bridge[] = {first, first + 1, first + 2 * LAYER * LAYER};
-        memcpy(triangle + at, bridge, sizeof bridge);
+        memcpy(l->triangle + at, bridge, sizeof bridge);
         at += 3;
     }
-    struct example e;
-    make(&e);
-    e.desc.positions = positions;
-    e.desc.pattern = pattern;
-    e.desc.vertices = first + LAYERS;
-    e.desc.triangle = triangle;
-    e.desc.triangles = at / 3;
-    e.desc.pin = pin;
-    e.desc.pins = pins;
-    e.desc.seam = seam;
-    e.desc.seams = LAYER;
-    e.desc.self_contact = self_contact;
-    e.options.max_iterations = 1;
+    make(&l->e);
+    drape_scene_desc *desc = &l->e.desc;
+    desc->positions = l->positions;
+    desc->pattern = l->pattern;
+    desc->vertices = first + LAYERS;
+    desc->triangle = l->triangle;
+    desc->triangles = at / 3;
+    desc->pin = l->pin;
+    desc->pins = pins;
+    desc->seam = l->seam;
+    desc->seams = LAYER;
+    desc->self_contact = self_contact;
+    l->e.options.max_iterations = 1;
+}
+
+static double gap_round_a_layer(drape_self_contact self_contact, bool one_garment)
+{
+    struct layers layers;
+    make_layers(&layers, self_contact, one_garment);
     drape_scene *scene;
-    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    drape_sim *sim = run(&layers.e, &scene, DRAPE_NOT_AT_REST);
     double gap = drape_sim_report(sim)->seam_gap;
     drape_sim_free(sim);
     drape_scene_free(scene);
@@ -842,6 +852,35 @@ static void test_sim__sewing_does_not_pull_an_outer_garment_through_itself(void 
     assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_OFF, true) <= 1e-3);
     assert_true(gap_round_a_layer(DRAPE_SELF_CONTACT_ON, true) > 1.5e-3);
 }
+
+#ifdef CAN_FAIL_ALLOCATIONS
+/* Such as those of the matrix, which is made anew where layers touch. */
+static void test_sim__memory_may_run_out_while_layers_are_sewn(void **state)
+{
+    (void)state;
+    const long every = 7;
+    struct layers layers;
+    drape_scene *scene;
+    make_layers(&layers, DRAPE_SELF_CONTACT_ON, false);
+    assert_int_equal(drape_scene_new(&layers.e.desc, &scene, NULL), DRAPE_OK);
+    drape_status status = DRAPE_ENOMEM;
+    long n = 0;
+    for (; status != DRAPE_NOT_AT_REST || countdown < 0; n += every) {
+        drape_sim *sim;
+        countdown = -1;
+        long before = held;
+        assert_int_equal(drape_sim_new(scene, &layers.e.options, &sim, NULL), DRAPE_OK);
+        countdown = n;
+        status = drape_sim_run(sim, NULL);
+        assert_true(status == DRAPE_ENOMEM || status == DRAPE_NOT_AT_REST);
+        drape_sim_free(sim);
+        assert_int_equal(held, before);
+    }
+    countdown = -1;
+    assert_true(n > 300);
+    drape_scene_free(scene);
+}
+#endif
 
 int main(void)
 {
@@ -870,6 +909,7 @@ int main(void)
 #ifdef CAN_FAIL_ALLOCATIONS
         cmocka_unit_test(test_sim__iterations_allocate_nothing_of_their_own),
         cmocka_unit_test(test_sim__every_allocation_may_fail),
+        cmocka_unit_test(test_sim__memory_may_run_out_while_layers_are_sewn),
 #endif
     };
     return cmocka_run_group_tests_name("sim", tests, NULL, NULL);
