@@ -252,7 +252,7 @@ drape_status dr_ramp(struct dr_state *s, drape_error *reterr)
     if (between.stretch)
         s->sim->plan.term[DR_TERM_RAMP].bytes += between_bytes(&between);
     between_done(&between);
-    s->row.iteration = 0;
+    s->row.iteration = s->row.factorizations = s->row.linear_iterations = 0;
     s->fresh = true;
     s->moving = false;
     s->sim->report.ramp_steps = steps;

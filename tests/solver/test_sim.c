@@ -175,6 +175,33 @@ static void test_sim__rows_tell_the_factorisations(void **state)
     assert_true(failed > 0); /* auto tried the blended matrix in vain: those count too */
 }
 
+/* Whose steps have no rows either. */
+static void test_sim__row_0_tells_nothing_of_the_ramp(void **state)
+{
+    (void)state;
+    const drape_method method[] = {DRAPE_METHOD_AUTO, DRAPE_METHOD_STOP_AND_GO};
+    for (int i = 0; i < 2; i++) {
+        struct example e;
+        double another[2 * VERTICES];
+        make(&e);
+        for (size_t k = 0; k < 2 * VERTICES; k++)
+            another[k] = 1.2 * e.pattern[k];
+        e.options.method = method[i];
+        e.options.max_iterations = 1;
+        e.desc.start_pattern = another;
+        drape_scene *scene;
+        drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+        size_t rows;
+        const drape_row *row = drape_sim_trace(sim, &rows);
+        assert_int_equal(rows, 2);
+        assert_true(drape_sim_report(sim)->ramp_iterations > 3);
+        assert_in_range(row[0].factorizations, 1, 2);
+        assert_int_equal(row[0].linear_iterations, 0);
+        drape_sim_free(sim);
+        drape_scene_free(scene);
+    }
+}
+
 /* Each factorisation and each back-solve of draping counts alike; those of the certificate do not, and
  * without a matrix there are none. */
 static void test_sim__the_work_is_that_of_the_factor(void **state)
@@ -888,6 +915,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sim__hanging_square_comes_to_rest_and_says_so),
         cmocka_unit_test(test_sim__rows_tell_the_factorisations),
+        cmocka_unit_test(test_sim__row_0_tells_nothing_of_the_ramp),
         cmocka_unit_test(test_sim__the_work_is_that_of_the_factor),
         cmocka_unit_test(test_sim__zero_iterations_evaluate_the_start),
         cmocka_unit_test(test_sim__running_out_of_iterations_returns_the_lowest_state),
