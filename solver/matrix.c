@@ -506,7 +506,7 @@ bool dr_matrix_is_single(const struct dr_matrix *A)
 bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor)
 {
     assert(A->factor != DR_LDL && factor != DR_LDL);
-    if (factor == A->factor || (factor == DR_SINGLE && A->doubts == MOST_DOUBTS))
+    if (factor == A->factor || (factor == DR_SINGLE && A->doubts >= MOST_DOUBTS))
         return true;
     if (factor == DR_SINGLE && A->free && !(A->front = dr_front_new(A->A, A->L)))
         return false;
@@ -763,7 +763,7 @@ bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
         A->doubts = A->in_doubt ? A->doubts + 1 : 0;
         return A->single;
     }
-    if (A->doubts == MOST_DOUBTS)
+    if (A->doubts >= MOST_DOUBTS)
         dr_matrix_prefer(A, DR_CHOLESKY);
     A->in_doubt = false;
     A->common.status = CHOLMOD_OK;

@@ -485,6 +485,27 @@ static void test_front__double_judges_what_single_cannot_and_stays_the_second_ti
     cloth_free(&cloth);
 }
 
+/* Nor does it matter what is done about a doubt: it counts. */
+static void test_front__doubts_that_are_dropped_count(void **state)
+{
+    (void)state;
+    struct cloth cloth = cloth_new(9);
+    struct dr_matrix *A = matrix_new(&cloth, DR_SINGLE);
+    bool memory;
+    for (int i = 0; i < 3; i++) {
+        assemble_cloth(A, &cloth, 1e-10); /* which begins with a reset */
+        assert_false(dr_matrix_factorise(A, &memory));
+        assert_true(dr_matrix_in_doubt(A));
+        assert_int_equal(dr_matrix_factor(A), DR_SINGLE);
+    }
+    assert_true(dr_matrix_factorise(A, &memory));
+    assert_int_equal(dr_matrix_factor(A), DR_CHOLESKY);
+    assert_true(dr_matrix_prefer(A, DR_SINGLE));
+    assert_int_equal(dr_matrix_factor(A), DR_CHOLESKY);
+    dr_matrix_free(A);
+    cloth_free(&cloth);
+}
+
 static void test_front__double_can_be_asked_for_and_single_again(void **state)
 {
     (void)state;
@@ -630,6 +651,7 @@ int main(void)
         cmocka_unit_test(test_front__few_conjugate_gradient_steps_make_it_double),
         cmocka_unit_test(test_front__two_right_hand_sides_are_solved_alike),
         cmocka_unit_test(test_front__double_judges_what_single_cannot_and_stays_the_second_time),
+        cmocka_unit_test(test_front__doubts_that_are_dropped_count),
         cmocka_unit_test(test_front__double_can_be_asked_for_and_single_again),
         cmocka_unit_test(test_front__another_pattern_has_another_front),
         cmocka_unit_test(test_front__one_free_node_and_none),
