@@ -608,10 +608,10 @@ void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6])
 
 void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 {
-    double *value = A->free ? A->A->x : NULL;
-    const struct slot *slot = A->triangle + 6 * t;
-    if (!value)
+    if (!A->free)
         return;
+    double *value = A->A->x;
+    const struct slot *slot = A->triangle + 6 * t;
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < a; b++)
             add_block(value, *slot++, &H[3 * a][3 * b], &H[3 * a + 1][3 * b], &H[3 * a + 2][3 * b], 1);
@@ -622,9 +622,11 @@ void dr_matrix_add_triangle(struct dr_matrix *A, size_t t, const double H[9][9])
 
 void dr_matrix_add_triangles(struct dr_matrix *A, size_t t, size_t count, const double H[45][DR_MATRIX_BATCH])
 {
-    double *value = A->free ? A->A->x : NULL;
+    if (!A->free)
+        return;
+    double *value = A->A->x;
     const struct slot *slot = A->triangle + 6 * t;
-    for (size_t k = 0; k < count && value; k++) {
+    for (size_t k = 0; k < count; k++) {
         const double *at = &H[0][k];
 #pragma GCC unroll 3
         for (size_t a = 0; a < 3; a++) {
@@ -658,10 +660,11 @@ void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const do
 void dr_matrix_add_link(struct dr_matrix *A, size_t i, double stiffness)
 {
     const double H[6] = {stiffness, 0, stiffness, 0, 0, stiffness};
+    if (!A->free)
+        return;
     dr_matrix_add_node(A, A->link_node[2 * i], H);
     dr_matrix_add_node(A, A->link_node[2 * i + 1], H);
-    if (A->free)
-        add_scalar(A->A->x, A->link[i], -stiffness);
+    add_scalar(A->A->x, A->link[i], -stiffness);
 }
 
 void dr_matrix_add_pair(struct dr_matrix *A, size_t i, const double H[9])

@@ -313,12 +313,17 @@ static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **sta
     struct dr_mesh *mesh;
     struct dr_matrix *A;
     assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
-    assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
+    assert_int_equal(dr_matrix_new(mesh, NULL, one, 1, DR_CHOLESKY, NULL, &A, NULL), 0);
     double b[9] = {1, 2, 3}, w[9] = {7, 7, 7, 7, 7, 7, 7, 7, 7}, H[9][9] = {{0}};
     bool memory;
     dr_matrix_set_base(A, 100);
     dr_matrix_reset(A);
     dr_matrix_add_triangle(A, 0, H);
+    dr_matrix_add_triangles(A, 0, 1, (const double[45][DR_MATRIX_BATCH]){{0}});
+    dr_matrix_add_link(A, 0, 100);
+    dr_matrix_add_pair(A, 0, H[0]);
+    dr_matrix_add_between(A, 0, 1, (const double[3][3]){{0}});
+    assert_true(dr_matrix_has(A, 0, 1));
     assert_true(dr_matrix_factorise(A, &memory));
     dr_matrix_solve(A, 1, (const double *[]){b}, (double *[]){w});
     for (int i = 0; i < 9; i++)
