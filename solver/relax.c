@@ -370,8 +370,6 @@ static void conclude(struct dr_state *s, drape_verdict verdict, const char *reas
     for (size_t i = 0; i < mesh->nodes; i++)
         report->free_nodes += !mesh->held[i];
     report->triangles = mesh->triangles;
-    if (!s->sim->plan.held[DRAPE_PHASE_CERTIFYING].ran) /* else what is held is no longer draping's */
-        dr_state_hold(s, DRAPE_PHASE_DRAPING, 0);
 }
 
 /* *ret_escaped: the run goes on from below a saddle. */
@@ -384,7 +382,6 @@ static drape_status certify(struct dr_state *s, drape_verdict verdict, bool *ret
         certificate->reason = "the drape is not at rest";
         return DRAPE_OK;
     }
-    dr_state_hold(s, DRAPE_PHASE_DRAPING, 0);
     drape_status status = dr_certify(s, ret_escaped, reterr);
     if (status < 0 || !*ret_escaped)
         return status;
@@ -429,6 +426,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
                 return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
                                "the start has no finite energy");
             s->row.iteration--; /* that state is not one */
+            dr_state_hold(s, DRAPE_PHASE_DRAPING, 0);
             conclude(s, DRAPE_VERDICT_NOT_AT_REST, "the energy grew past every bound");
             return DRAPE_OK;
         }
@@ -446,6 +444,7 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
         const char *reason = ending(s, &verdict);
         if (reason) {
             bool escaped = false;
+            dr_state_hold(s, DRAPE_PHASE_DRAPING, 0); /* the certificate may exchange the matrix */
             if (s->sim->options.certify)
                 status = certify(s, verdict, &escaped, reterr);
             if (status >= 0 && !escaped)
