@@ -569,6 +569,37 @@ static void test_sim__open_seams_are_sewn_then_share_their_position(void **state
     drape_scene_free(scene);
 }
 
+/* Three corners sewn together, each pinned within the 1 mm of the first that pins may be apart, and thus not
+ * of each other: the second seam stays open, and nothing is free to close it. */
+static void test_sim__seams_between_pins_may_stay_open(void **state)
+{
+    (void)state;
+    const double open[] = {0, 0.9e-3, -0.9e-3};
+    uint32_t seam[] = {0, 3, 3, 6};
+    struct example e;
+    make(&e);
+    for (uint32_t i = 0; i < 9; i++) {
+        e.triangle[i] = e.pin[i] = i;
+        e.pattern[2 * i] = 0.2 * (i / 3) + 0.1 * (i % 3 == 1);
+        e.pattern[2 * i + 1] = 0.1 * (i % 3 == 2);
+        e.positions[3 * i] = e.pattern[2 * i] * (i % 3 > 0);
+        e.positions[3 * i + 1] = i % 3 ? 0 : open[i / 3];
+        e.positions[3 * i + 2] = e.pattern[2 * i + 1];
+    }
+    e.desc.vertices = e.desc.pins = 9;
+    e.desc.triangles = 3;
+    e.desc.seam = seam;
+    e.desc.seams = 2;
+    drape_scene *scene;
+    drape_sim *sim = run(&e, &scene, DRAPE_OK);
+    const drape_report *report = drape_sim_report(sim);
+    assert_true(report->sewing_iterations > 0);
+    assert_near(report->seam_gap, 1.8e-3, 1e-12, 1);
+    assert_int_equal(report->free_nodes, 0);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
 static void test_sim__cloth_lands_on_a_sphere_and_a_plane(void **state)
 {
     (void)state;
@@ -932,6 +963,7 @@ int main(void)
         cmocka_unit_test(test_sim__open_seams_are_sewn_then_share_their_position),
         cmocka_unit_test(test_sim__sewing_does_not_pull_a_garment_through_another),
         cmocka_unit_test(test_sim__sewing_does_not_pull_an_outer_garment_through_itself),
+        cmocka_unit_test(test_sim__seams_between_pins_may_stay_open),
         cmocka_unit_test(test_sim__cloth_lands_on_a_sphere_and_a_plane),
         cmocka_unit_test(test_sim__a_piece_that_misses_the_body_slides_off),
 #ifdef CAN_FAIL_ALLOCATIONS
