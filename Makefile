@@ -106,7 +106,8 @@ $(OBJ)/%.o: %.c
 	$(call Q,CC)$(CC) $(ALLFLAGS) $(INC_$(call folder,$<)) -c $< -o $@
 
 # The kernels of a preconditioner: whichever processor it is, conjugate gradients around it are as exact.
-$(OBJ)/solver/front.o: CSTD += -ffp-contract=fast
+# Their test includes them.
+$(OBJ)/solver/front.o $(OBJ)/tests/solver/test_front.o: CSTD += -ffp-contract=fast
 
 # The daemon's threads count together, and tests/preload/flush.c asks for the counts.
 build/cover/obj/server/%.o: SAN += -fprofile-update=atomic
