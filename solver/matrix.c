@@ -522,11 +522,6 @@ double dr_matrix_flops(const struct dr_matrix *A)
     return A->flops;
 }
 
-double dr_matrix_entries(const struct dr_matrix *A)
-{
-    return A->entries;
-}
-
 /* ---- assembly ----------------------------------------------------------------------------------- */
 
 static void add_scalar(double *value, struct slot slot, double scalar)

@@ -52,12 +52,11 @@ bool dr_matrix_is_single(const struct dr_matrix *A);
  * the next factorisation. */
 bool dr_matrix_prefer(struct dr_matrix *A, enum dr_factor factor);
 
-/* Floating-point operations of one factorisation, which the analysis has counted, and entries of the factor.
- */
+/* Floating-point operations of one factorisation, which the analysis has counted. */
 double dr_matrix_flops(const struct dr_matrix *A);
-double dr_matrix_entries(const struct dr_matrix *A);
-size_t
-dr_matrix_factor_bytes(const struct dr_matrix *A); /* of the last factor, which a back-solve reads twice */
+
+/* Of the last factor, which a back-solve reads twice. */
+size_t dr_matrix_factor_bytes(const struct dr_matrix *A);
 
 /* What is the same at every step: mass_factor (1/s^2) times diag(mass), plus the bending stiffness given at
  * creation. */
