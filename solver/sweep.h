@@ -17,7 +17,7 @@
  *
  * What the lists of the pairs (pairs.h) hold need not be searched for: with all pairs that are closer than
  * `near` (m) at x listed, only cloth whose parts move by nearly that much against each other is. The lists
- * are not changed, and the result is the same with near = 0, where they are not read. */
+ * are not changed, and but for round-off the result is the same with near = 0, where they are not read. */
 #ifndef DR_SWEEP_H
 #define DR_SWEEP_H
 

@@ -548,6 +548,26 @@ static void test_contact__a_head_on_move_ends_within_depth(void **state)
     dr_body_free(body);
 }
 
+/* Distances that are known excuse no move that could get there, on a plane or a mesh's field. */
+static void test_contact__moves_about_as_long_as_the_distance_are_walked(void **state)
+{
+    (void)state;
+    struct dr_body *body[] = {make_body(ground), make_sphere_mesh(0.05, 0.003)};
+    const double surface[] = {0, 0.05}, depth = 1e-5;
+    for (size_t b = 0; b < 2; b++) {
+        struct mover mover = mover_new(body + b, 1);
+        for (int percent = 60; percent <= 160; percent += 2) {
+            const double length = 0.01, start[3] = {0, surface[b] + 0.01 * percent * length, 0};
+            double w[3] = {0, -length, 0};
+            size_t shortened = clip(&mover, start, w, depth);
+            if (percent < 95 || percent > 105)
+                assert_int_equal(shortened, percent < 100);
+        }
+        mover_free(&mover);
+        dr_body_free(body[b]);
+    }
+}
+
 static void test_contact__free_moves_are_left_alone(void **state)
 {
     (void)state;
@@ -732,6 +752,7 @@ int main(void)
         cmocka_unit_test(test_contact__with_curvature_the_hessian_is_exact_for_every_body),
         cmocka_unit_test(test_contact__the_hessian_is_positive_semidefinite),
         cmocka_unit_test(test_contact__a_head_on_move_ends_within_depth),
+        cmocka_unit_test(test_contact__moves_about_as_long_as_the_distance_are_walked),
         cmocka_unit_test(test_contact__free_moves_are_left_alone),
         cmocka_unit_test(test_contact__nothing_passes_through_a_wire),
         cmocka_unit_test(test_contact__the_clip_keeps_its_word),

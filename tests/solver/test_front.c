@@ -6,6 +6,7 @@
 #include "matrix.h"
 #include "scarce.h"
 #include "sheets.h"
+#include "sim.h"
 
 /* ---- on its own ----------------------------------------------------------------------------------- */
 
@@ -408,6 +409,7 @@ static void test_front__few_conjugate_gradient_steps_make_it_double(void **state
         assert_true(dr_matrix_is_single(A));
         assert_true(dr_matrix_factorise(B, &memory));
         assert_false(dr_matrix_is_single(B));
+        assert_int_equal(2 * dr_matrix_factor_bytes(A), dr_matrix_factor_bytes(B));
         solve_once(B, cloth.b, x);
         solve_once(A, cloth.b, cloth.x);
         for (size_t k = 0; k < cloth.size; k++) {
@@ -485,7 +487,27 @@ static void test_front__double_judges_what_single_cannot_and_stays_the_second_ti
     cloth_free(&cloth);
 }
 
-/* Nor does it matter what is done about a doubt: it counts. */
+static void test_front__a_run_has_doubts_settled_at_once(void **state)
+{
+    (void)state;
+    struct cloth cloth = cloth_new(9);
+    struct dr_cloth in_run = {.mesh = cloth.mesh, .A = matrix_new(&cloth, DR_SINGLE)};
+    drape_sim sim = {.began = dr_clock(), .options = drape_options_default()};
+    const double mass[] = {1e-3, 1e-10, -0.1};
+    for (uint32_t i = 0; i < sizeof mass / sizeof *mass; i++) {
+        enum dr_factored factored;
+        assemble_cloth(in_run.A, &cloth, mass[i]);
+        assert_int_equal(dr_sim_factorise(&sim, &in_run, &factored, NULL), DRAPE_OK);
+        assert_int_equal(factored, mass[i] > 0 ? DR_FACTORED : DR_NOT_DEFINITE);
+        assert_int_equal(dr_matrix_is_single(in_run.A), i == 0);
+        assert_false(dr_matrix_in_doubt(in_run.A));
+        assert_int_equal(sim.report.factorizations, i + 1);
+    }
+    dr_matrix_free(in_run.A);
+    cloth_free(&cloth);
+}
+
+/* Whatever is done about a doubt: it counts. */
 static void test_front__doubts_that_are_dropped_count(void **state)
 {
     (void)state;
@@ -651,6 +673,7 @@ int main(void)
         cmocka_unit_test(test_front__few_conjugate_gradient_steps_make_it_double),
         cmocka_unit_test(test_front__two_right_hand_sides_are_solved_alike),
         cmocka_unit_test(test_front__double_judges_what_single_cannot_and_stays_the_second_time),
+        cmocka_unit_test(test_front__a_run_has_doubts_settled_at_once),
         cmocka_unit_test(test_front__doubts_that_are_dropped_count),
         cmocka_unit_test(test_front__double_can_be_asked_for_and_single_again),
         cmocka_unit_test(test_front__another_pattern_has_another_front),

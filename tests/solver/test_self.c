@@ -216,6 +216,35 @@ static void test_self__energy_does_not_depend_on_where_it_was_searched(void **st
     release(&t);
 }
 
+/* What was known of the pairs wears off by twice the most that a node has moved, as both sheets may come. A
+ * search looks 7.3 mm far here: what begins closer is in the lists. */
+static void test_self__what_is_known_wears_off_with_every_move(void **state)
+{
+    (void)state;
+    static const double gap[][2] = {
+        {0.0071, 0.0019}, {0.0075, 0.0019}, {0.012, 0.004}}; /* m: before, after */
+    for (size_t k = 0; k < sizeof gap / sizeof *gap; k++) {
+        struct scene s, fresh;
+        double w[N] = {0}, g[N] = {0}, h[N] = {0};
+        make(&s, gap[k][0], 0.3, 0);
+        make(&fresh, gap[k][0], 0.3, 0);
+        assert_true(dr_self_energy(s.self, s.x, NULL) == 0);
+        for (size_t v = 0; v < NODES; v++) {
+            s.x[3 * v + 1] += (v < LAYER ? 0.5 : -0.5) * (gap[k][0] - gap[k][1]);
+            w[3 * v + 1] = v < LAYER ? 0 : -0.99 * gap[k][1];
+        }
+        double allowed = dr_self_allows(s.self, s.x, w);
+        assert_true(allowed < 1);
+        assert_near(allowed, dr_self_allows(fresh.self, s.x, w), 1e-12, 1);
+        double energy = dr_self_energy(s.self, s.x, g);
+        assert_true((energy > 0) == (gap[k][1] < THICKNESS));
+        assert_true(energy == dr_self_energy(fresh.self, s.x, h));
+        assert_memory_equal(g, h, sizeof g);
+        release(&s);
+        release(&fresh);
+    }
+}
+
 /* ---- friction -------------------------------------------------------------------------------- */
 
 /* Between parts, then but for what is to be welded: what was found before does not stay. */
@@ -444,6 +473,7 @@ int main(void)
         cmocka_unit_test(test_self__energy_begins_at_the_thickness),
         cmocka_unit_test(test_self__flat_cloth_feels_nothing_at_any_thickness),
         cmocka_unit_test(test_self__energy_does_not_depend_on_where_it_was_searched),
+        cmocka_unit_test(test_self__what_is_known_wears_off_with_every_move),
         cmocka_unit_test(test_self__welding_changes_what_feels_what),
         cmocka_unit_test(test_self__friction_is_a_potential),
         cmocka_unit_test(test_self__layers_that_slip_pull_with_coulombs_force),

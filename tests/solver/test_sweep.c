@@ -246,6 +246,21 @@ static void test_sweep__what_moves_together_is_free(void **state)
     cloth_free(&cloth);
 }
 
+/* What is just too far to be in a list comes near by a little less than that. */
+static void test_sweep__the_nearest_of_what_is_not_listed_is_seen(void **state)
+{
+    (void)state;
+    for (size_t i = 1; i < sizeof known / sizeof *known; i++) {
+        struct cloth cloth = cloth_new(sheets_stack(6, 2, 0.01, 1.001 * known[i]));
+        for (size_t v = cloth.mesh->nodes / 2; v < cloth.mesh->nodes; v++)
+            cloth.w[3 * v + 1] = 1e-5 - known[i];
+        double t = sweep(&cloth);
+        assert_true(t > 0.5 && t < 1);
+        assert_true(clip(&cloth) > 0);
+        cloth_free(&cloth);
+    }
+}
+
 static void test_sweep__close_sheets_slide_past_each_other(void **state)
 {
     (void)state;
@@ -440,6 +455,7 @@ int main(void)
         cmocka_unit_test(test_sweep__two_triangles_tumbling_at_random),
         cmocka_unit_test(test_sweep__crumpled_sheets_never_pass),
         cmocka_unit_test(test_sweep__what_moves_together_is_free),
+        cmocka_unit_test(test_sweep__the_nearest_of_what_is_not_listed_is_seen),
         cmocka_unit_test(test_sweep__close_sheets_slide_past_each_other),
         cmocka_unit_test(test_sweep__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_sweep__touching_and_crossing_parts_do_not_hold_the_cloth),
