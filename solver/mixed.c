@@ -523,7 +523,6 @@ static drape_status pass(struct dr_state *s, bool *ret_more, drape_error *reterr
 static drape_status take_out_false_stretch(struct dr_state *s, drape_error *reterr)
 {
     bool more = true, corrected = s->corrected, cut = s->cut, negative = s->negative;
-    double residual_energy = s->row.residual_energy;
     drape_status status = DRAPE_OK;
     s->corrected = false;
     for (int i = 0; i < MOST_PASSES && more && status >= 0; i++)
@@ -531,7 +530,6 @@ static drape_status take_out_false_stretch(struct dr_state *s, drape_error *rete
     s->corrected = corrected;
     s->cut = cut;
     s->negative = negative;
-    s->row.residual_energy = residual_energy;
     return status;
 }
 
