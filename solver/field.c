@@ -38,7 +38,7 @@ typedef double quad __attribute__((vector_size(4 * sizeof(double))));
 struct stencil {
     size_t first[3];        /* node of the lowest corner, along each axis */
     quad w[4], dw[4], t, s; /* by node along an axis: B-spline weights and their slopes; in lanes 0..2, by
-                             * axis; fraction of a cell, and 1 less that */
+                             * axis; fraction of a cell, and 1 minus it */
 };
 
 static inline __attribute__((always_inline)) void weigh(struct stencil *stencil)
