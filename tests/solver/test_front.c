@@ -538,6 +538,7 @@ static void test_front__double_can_be_asked_for_and_single_again(void **state)
         enum dr_factor factor = i == 1 ? DR_CHOLESKY : DR_SINGLE;
         assert_true(dr_matrix_prefer(A, factor));
         assert_int_equal(dr_matrix_factor(A), factor);
+        assert_false(dr_matrix_is_single(A));
         assemble_cloth(A, &cloth, 1e-3);
         assert_true(dr_matrix_factorise(A, &memory));
         assert_int_equal(dr_matrix_is_single(A), factor == DR_SINGLE);

@@ -1,7 +1,7 @@
 /* test_plan.c - what a run keeps and leaves out, and whose its bytes are. */
 #include "test.h"
 
-#include "drape.h"
+#include "plan.h"
 
 #define SIDE      7
 #define VERTICES  (SIDE * SIDE)
@@ -366,6 +366,26 @@ static void test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back(voi
     assert_true(report.phase_bytes[DRAPE_PHASE_COARSE] < report.peak_bytes);
 }
 
+/* Of what a phase held at several times the most counts, as a whole. */
+static void test_plan__the_most_that_a_phase_held_stays(void **state)
+{
+    (void)state;
+    static const size_t held[][2] = {{100, 20}, {30, 60}, {10, 130}, {120, 0}};
+    static const size_t expected[] = {0, 0, 2, 2}; /* whose is the most so far */
+    struct dr_plan plan = {.held[DRAPE_PHASE_DRAPING].ran = false};
+    for (size_t i = 0; i < sizeof held / sizeof *held; i++) {
+        drape_report report = {.terms = 0};
+        dr_plan_hold(&plan, DRAPE_PHASE_DRAPING,
+                     (const size_t[DR_TERMS]){[DR_TERM_STATE] = held[i][0], [DR_TERM_JACOBIAN] = held[i][1]});
+        dr_plan_report(&plan, &report);
+        const size_t *most = held[expected[i]];
+        assert_int_equal(report.term[DR_TERM_STATE].bytes, most[0]);
+        assert_int_equal(report.term[DR_TERM_JACOBIAN].bytes, most[1]);
+        assert_int_equal(report.phase_bytes[DRAPE_PHASE_DRAPING], most[0] + most[1]);
+        assert_int_equal(report.peak_bytes, most[0] + most[1]);
+    }
+}
+
 /* The matrix of auto makes room for one of the whole bending, in double; the others' stays, or one comes. */
 static void test_plan__the_certificate_has_its_own_bytes_and_gives_them_back(void **state)
 {
@@ -403,6 +423,7 @@ int main(void)
         cmocka_unit_test(test_plan__motion_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__the_coarse_mesh_has_its_own_bytes_and_gives_them_back),
         cmocka_unit_test(test_plan__the_certificate_has_its_own_bytes_and_gives_them_back),
+        cmocka_unit_test(test_plan__the_most_that_a_phase_held_stays),
         cmocka_unit_test(test_plan__sewing_has_its_own_bytes_and_gives_them_back),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
