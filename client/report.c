@@ -101,6 +101,7 @@ static void put_coarse(FILE *file, const json_t *coarse)
 static void put_seconds(FILE *file, const json_t *report)
 {
     const json_t *seconds = json_object_get(report, "seconds");
+    double borrowed = json_number_value(json_object_get(report, "borrowed_seconds"));
     json_t *stages = json_object_get(report, "stages");
     const char *name, *separator = " (";
     json_t *value;
@@ -109,6 +110,8 @@ static void put_seconds(FILE *file, const json_t *report)
     }
     put_label(file, "time");
     fprintf(file, "%.2f s", json_number_value(seconds));
+    if (borrowed >= SHORTEST_STAGE_S)
+        fprintf(file, ", %.2f s of a second processor", borrowed);
     json_object_foreach(stages, name, value)
     {
         if (json_number_value(value) >= SHORTEST_STAGE_S) {

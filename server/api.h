@@ -41,6 +41,7 @@ struct api { /* wired by main; outlives the listeners */
     struct metrics *metrics;
     struct fields *fields;
     drape_analyses *analyses;
+    drape_processors *processors;
     struct waits *waits;
     struct claims *claims;
     struct executor *clerk, *reader;

@@ -54,13 +54,14 @@ static const char *integrator_name(unsigned value)
 void about_info(struct call *call)
 {
     const struct config *config = call->api->config;
-    json_t *json = json_pack(
-        "{s:s, s:s, s:s, s:i, s:s, s:{s:[s,s,s,s], s:[s,s,s,s], s:[s,s,s]}, s:o, s:o, s:o}", "name", "draped",
-        "version", drape_version(), "api", "v1", "workers", (int)config->workers, "blas", call->api->blas,
-        "formats", "mesh", mesh_format_name(MESH_OBJ), mesh_format_name(MESH_PLY), mesh_format_name(MESH_GLB),
-        mesh_format_name(MESH_JSON), "result", "json", "obj", "ply", "glb", "trace", "json", "csv", "svg",
-        "methods", names_json(DRAPE_METHOD_NEWTON, method_name), "integrators",
-        names_json(DRAPE_RK4, integrator_name), "limits", limits_json(&config->limits));
+    json_t *json =
+        json_pack("{s:s, s:s, s:s, s:i, s:s, s:s, s:{s:[s,s,s,s], s:[s,s,s,s], s:[s,s,s]}, s:o, s:o, s:o}",
+                  "name", "draped", "version", drape_version(), "api", "v1", "workers", (int)config->workers,
+                  "blas", call->api->blas, "kernels", drape_kernels(), "formats", "mesh",
+                  mesh_format_name(MESH_OBJ), mesh_format_name(MESH_PLY), mesh_format_name(MESH_GLB),
+                  mesh_format_name(MESH_JSON), "result", "json", "obj", "ply", "glb", "trace", "json", "csv",
+                  "svg", "methods", names_json(DRAPE_METHOD_NEWTON, method_name), "integrators",
+                  names_json(DRAPE_RK4, integrator_name), "limits", limits_json(&config->limits));
     http_send(call->request, answer_json(200, json));
 }
 

@@ -266,7 +266,8 @@ static int make_rooms(struct server *s)
         (api->hub = hub_new(s->config.limits.streams, s->config.limits.streams_per_key)) == NULL ||
         (api->waits = waits_new(&answers)) == NULL || (api->claims = claims_new()) == NULL ||
         (api->fields = fields_new(s->config.field_cache_bytes, api->metrics)) == NULL ||
-        (api->analyses = drape_analyses_new(s->config.analysis_cache_bytes)) == NULL)
+        (api->analyses = drape_analyses_new(s->config.analysis_cache_bytes)) == NULL ||
+        (api->processors = drape_processors_new(s->config.workers)) == NULL)
         return fail("rooms", "out of memory");
     if (s->config.keys[0] != '\0' &&
         keys_open(s->config.keys, &s->config.limits.key, &api->keys, &problem) != 0)
@@ -283,7 +284,8 @@ static int make_rooms(struct server *s)
                                 .changed = on_job_changed,
                                 .data = api,
                                 .fields = api->fields,
-                                .analyses = api->analyses};
+                                .analyses = api->analyses,
+                                .processors = api->processors};
     api->queue = queue_new(&setup);
     /* Every connection may have one thing waiting at the clerk's; and a wait that expires, and our own look.
      */
@@ -331,8 +333,8 @@ static int announce(struct server *s)
     snprintf(text, sizeof text, "%s\n%s\n", api, admin);
     if (s->config.url_file[0] != '\0' && files_write_whole(s->config.url_file, text, strlen(text)) != 0)
         return fail("url-file", strerror(errno));
-    log_event(LOG_LEVEL_INFO, "started", "version=%s api=%s admin=%s workers=%u blas=%s pid=%d",
-              drape_version(), api, admin, s->config.workers, s->api.blas, (int)getpid());
+    log_event(LOG_LEVEL_INFO, "started", "version=%s api=%s admin=%s workers=%u blas=%s kernels=%s pid=%d",
+              drape_version(), api, admin, s->config.workers, s->api.blas, drape_kernels(), (int)getpid());
     service_ready("Serving");
     return 0;
 }
@@ -415,6 +417,7 @@ static void stop(struct server *s)
     s->retention = retention_free(s->retention);
     api->fields = fields_free(api->fields);
     api->analyses = drape_analyses_free(api->analyses);
+    api->processors = drape_processors_free(api->processors);
     api->waits = waits_free(api->waits);
     api->claims = claims_free(api->claims);
     api->hub = hub_free(api->hub);

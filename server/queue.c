@@ -380,9 +380,18 @@ static void work_on(struct queue *queue, struct job *job)
     log_event(LOG_LEVEL_INFO, "job.started", "job=%s attempt=%u", job->id, job->revision.attempt);
     /* The item stays: nobody but its worker ends a running job. */
     struct solve_task task = {
-        queue->setup.store,    queue->setup.limits,   job->owner,  job->id,
-        job->revision.attempt, &item->stop,           on_progress, item,
-        queue->setup.fields,   queue->setup.analyses, on_preview,
+        queue->setup.store,
+        queue->setup.limits,
+        job->owner,
+        job->id,
+        job->revision.attempt,
+        &item->stop,
+        on_progress,
+        item,
+        queue->setup.fields,
+        queue->setup.analyses,
+        queue->setup.processors,
+        on_preview,
     };
     struct solve_outcome outcome;
     solve_job(&task, &outcome);

@@ -22,6 +22,7 @@
 #include "stream.h"
 
 struct drape_analyses;
+struct drape_processors;
 struct fields;
 struct metrics;
 struct queue;
@@ -41,6 +42,7 @@ struct queue_setup {
     void *data;
     struct fields *fields;           /* NULL: each job builds the distance fields of its bodies for itself */
     struct drape_analyses *analyses; /* NULL: each job analyses its matrices for itself */
+    struct drape_processors *processors; /* NULL: each job has one */
 };
 
 struct queue *queue_new(const struct queue_setup *setup); /* NULL when out of memory */

@@ -357,6 +357,7 @@ json_t *schema_report_json(const drape_report *report, json_t *lines)
     failed |= json_object_set_new(object, "ramp", ramp_json(report));
     failed |= json_object_set_new(object, "coarse", coarse_json(report));
     failed |= json_object_set_new(object, "seconds", number(report->seconds));
+    failed |= json_object_set_new(object, "borrowed_seconds", number(report->borrowed_seconds));
     failed |= json_object_set_new(object, "stages", stages_json(report));
     failed |= json_object_set_new(object, "peak_bytes", count(report->peak_bytes));
     failed |= json_object_set_new(object, "peak_bytes_by_phase", phase_bytes_json(report));

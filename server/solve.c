@@ -97,6 +97,7 @@ static drape_status drape(struct run *run, struct problem *reterr)
     options.preview = on_preview;
     options.preview_data = run;
     options.analyses = run->task->analyses;
+    options.processors = run->task->processors;
     options.memory_limit = run->task->limits->job_memory;
     drape_status status = share_fields(run, &error);
     if (status >= 0)

@@ -14,6 +14,7 @@
 #define SOLVE_PROGRESS_MS 250
 
 struct drape_analyses;
+struct drape_processors;
 struct fields;
 
 struct solve_task {
@@ -26,6 +27,7 @@ struct solve_task {
     void *data;
     struct fields *fields;           /* NULL: the job builds the distance fields of its bodies for itself */
     struct drape_analyses *analyses; /* NULL: the job analyses its matrices for itself */
+    struct drape_processors *processors; /* NULL: the job has one */
     /* Likewise a first look at the drape, as a GLB, which it takes; once at most. May be NULL. */
     void (*preview)(char *glb, size_t bytes, void *data);
 };

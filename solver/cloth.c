@@ -172,6 +172,8 @@ static drape_status new_matrix(const struct dr_cloth_plan *plan, struct dr_cloth
     if (status >= 0)
         status = dr_matrix_new(plan->mesh, cloth->stiffness, link ? link : plan->link, links,
                                factor[plan->matrix], plan->analyses, &cloth->A, reterr);
+    if (status >= 0)
+        dr_matrix_lend(cloth->A, plan->hand);
     free(link);
     return status;
 }

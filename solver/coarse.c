@@ -109,6 +109,7 @@ static void account(struct drape_sim *sim, const struct drape_sim *coarse)
     sim->report.coarse_triangles = coarse->scene->mesh->triangles;
     sim->report.coarse_iterations = report->iterations;
     sim->report.coarse_factorizations = report->factorizations;
+    sim->report.borrowed_seconds += report->borrowed_seconds;
 }
 
 drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr)
@@ -124,7 +125,7 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
     if (status < 0)
         return status;
     coarse->held_outside = dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
-    status = drape_sim_run(coarse, &error);
+    status = dr_sim_run(coarse, &error);
     if (status >= 0) {
         account(sim, coarse);
         if (came_out_well(coarse) || dr_sim_interrupted(sim))

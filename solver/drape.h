@@ -341,6 +341,17 @@ drape_analyses *
 drape_analyses_free(drape_analyses *analyses); /* no sim uses it; NULL is fine; returns NULL */
 drape_analyses_counts drape_analyses_count(drape_analyses *analyses);
 
+/* Processors that sims share. A running sim uses one; while there is one that none uses, it borrows that,
+ * some milliseconds at a time, for half of its linear algebra. What comes out is the same to the last bit.
+ * Lent by `count` / 2 threads, which wait meanwhile; they leave with drape_processors_free. One lock inside;
+ * any thread. */
+typedef struct drape_processors drape_processors;
+
+/* NULL: out of memory, or of threads. */
+drape_processors *drape_processors_new(size_t count);
+drape_processors *
+drape_processors_free(drape_processors *processors); /* no sim uses them; NULL is fine; returns NULL */
+
 /* ---- options -------------------------------------------------------------------------------- */
 
 typedef enum drape_method {
@@ -433,22 +444,23 @@ typedef struct drape_preview {
 /* Runs on the solving thread, once at most, before the whole cloth begins from there. */
 typedef void drape_preview_fn(const drape_preview *preview, void *data);
 
-typedef struct drape_options {   /* start from drape_options_default() */
-    drape_method method;         /* DRAPE_METHOD_AUTO */
-    drape_stop_rule stop_on;     /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
-    drape_integrator integrator; /* DRAPE_BACKWARD_EULER; read by methods that step in time */
-    double time_step;            /* s, DRAPE_MIN_TIME_STEP to DRAPE_MAX_TIME_STEP; 0.02 */
-    double air_damping;          /* 1/s, >= 0: force -air_damping M v; 0. Backward Euler only */
-    double material_damping;     /* s, >= 0: force -material_damping H v; 0. Backward Euler only */
-    bool line_search;            /* newton halves a step that raises the potential; false: as published */
-    bool certify;                /* carry rest on to round-off and prove it a minimum; false */
-    bool fit;                    /* measure how the drape fits, see drape_fit; false */
-    double tolerance;            /* at rest when residual_force <= tolerance, > 0; 1e-3 */
-    uint32_t max_iterations;     /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
-    double time_limit;           /* s of wall time, > 0; 120: see below */
-    size_t memory_limit;         /* bytes, see below; 0: none */
-    drape_analyses *analyses;    /* to take from and to add to, which must outlive the sim; may be NULL */
-    drape_progress_fn *progress; /* may be NULL */
+typedef struct drape_options {    /* start from drape_options_default() */
+    drape_method method;          /* DRAPE_METHOD_AUTO */
+    drape_stop_rule stop_on;      /* DRAPE_STOP_ON_POTENTIAL; read by stop-and-go only */
+    drape_integrator integrator;  /* DRAPE_BACKWARD_EULER; read by methods that step in time */
+    double time_step;             /* s, DRAPE_MIN_TIME_STEP to DRAPE_MAX_TIME_STEP; 0.02 */
+    double air_damping;           /* 1/s, >= 0: force -air_damping M v; 0. Backward Euler only */
+    double material_damping;      /* s, >= 0: force -material_damping H v; 0. Backward Euler only */
+    bool line_search;             /* newton halves a step that raises the potential; false: as published */
+    bool certify;                 /* carry rest on to round-off and prove it a minimum; false */
+    bool fit;                     /* measure how the drape fits, see drape_fit; false */
+    double tolerance;             /* at rest when residual_force <= tolerance, > 0; 1e-3 */
+    uint32_t max_iterations;      /* of draping, <= DRAPE_MAX_ITERATIONS; 2000. 0: evaluate the start only */
+    double time_limit;            /* s of wall time, > 0; 120: see below */
+    size_t memory_limit;          /* bytes, see below; 0: none */
+    drape_analyses *analyses;     /* to take from and to add to, which must outlive the sim; may be NULL */
+    drape_processors *processors; /* to borrow one from, which must outlive the sim; may be NULL */
+    drape_progress_fn *progress;  /* may be NULL */
     void *progress_data;
     drape_preview_fn *preview; /* may be NULL */
     void *preview_data;
@@ -574,8 +586,9 @@ typedef struct drape_report {
     double change;   /* from start_pattern to pattern: the largest relative change of a length; 0 without */
     uint32_t ramp_steps, ramp_iterations; /* in which that was made, and what they took beside `iterations` */
     double seconds;
-    drape_row state; /* the row of the state that drape_sim_positions returns; certified, its
-                      * residual_energy is the certificate's energy_left */
+    double borrowed_seconds; /* of a second processor, see drape_processors */
+    drape_row state;         /* the row of the state that drape_sim_positions returns; certified, its
+                              * residual_energy is the certificate's energy_left */
     drape_certificate certificate;
     /* The rows tell E - E* of the certified minimum. Not with friction, whose anchors are renewed: then the
      * rows are of different energies. */
@@ -632,6 +645,10 @@ const drape_fit *drape_sim_fit(const drape_sim *sim);
 /* ---- about the library ---------------------------------------------------------------------- */
 
 const char *drape_version(void); /* "0.1.0" */
+
+/* The instruction set of the factor in single precision, which the processor chooses: "AVX-512", "AVX2", or
+ * "none" beyond what every machine has. The same job has the same bytes with one of them, not with another. */
+const char *drape_kernels(void);
 
 /* Sets the BLAS to one thread per caller, process-wide; call once before the first sim, from the
  * main thread. Returns the name of the BLAS kernel in use, e.g. "Haswell" ("Prescott" on a modern

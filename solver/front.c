@@ -4,11 +4,13 @@
  * multiple of STRIP rows, the columns to a multiple of 4 (of the unit matrix). A panel's diagonal is zero in
  * memory; the pivots' inverses stand for it.
  *
- * What a supernode leaves to its parent waits on one of two stacks, by the parity of its depth: so a front
- * never lies where one of its children does, and nothing is moved. Where it lies is known beforehand. */
+ * What a supernode leaves to its parent waits on one of two stacks of its share, by the parity of its depth:
+ * so a front never lies where one of its children does, and nothing is moved. Where it lies is known
+ * beforehand. */
 #include "front.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -20,6 +22,15 @@
 #define LEAST_PIVOT 0x1p-18f /* of a diagonal of 1 to 4; single round-off is 2^-24 of each term */
 #define CURVED      1e-12    /* curvature that double round-off cannot make, of the terms it sums */
 #define NONE        UINT32_MAX
+
+/* Who does what: nodes of the two shares have their descendants in the same one. */
+enum share { LEFT, RIGHT, TOP, SHARES };
+
+/* To cut the tree: */
+#define MOST_SUBTREES 64
+#define SOLVES        500 /* operations for an entry of the factor, for the eight back-solves to a factorisation */
+#define LEAST_WORK    1e8 /* operations: less is not worth waking anybody */
+#define WORTH         0.8 /* of the work, that the busier of two does */
 
 /* A panel's shape and place, as the kernels want it. */
 struct panel {
@@ -48,6 +59,7 @@ struct addition {
 };
 
 struct kernels {
+    const char *name;
     size_t (*factorise)(
         const struct panel *panel); /* columns done; all but `columns`: a pivot is too small */
     void (*multiply)(const struct panel *panel, float *update);
@@ -63,12 +75,14 @@ struct kernels {
 #define WIDE         16
 #define TARGET       __attribute__((target("avx512f")))
 #define KERNEL(name) name##_avx512
+#define NAME         "AVX-512"
 #include "front_kernels.h"
 
 #define LANES        8
 #define WIDE         4
 #define TARGET       __attribute__((target("avx2,fma")))
 #define KERNEL(name) name##_avx2
+#define NAME         "AVX2"
 #include "front_kernels.h"
 #endif
 
@@ -76,6 +90,7 @@ struct kernels {
 #define WIDE  4
 #define TARGET
 #define KERNEL(name) name##_any
+#define NAME         "none"
 #include "front_kernels.h"
 
 struct node {
@@ -84,7 +99,8 @@ struct node {
     uint32_t column, columns, below;
     const int *row; /* below: of A */
     size_t first_run, runs;
-    uint32_t first_child, next_child; /* NONE: no more */
+    uint32_t parent, first_child, next_child; /* NONE: no more */
+    enum share share;
 };
 
 struct dr_front {
@@ -97,10 +113,11 @@ struct dr_front {
     double *scale;   /* A's rows */
     float *inverse;  /* of the pivots, padded as the panels are: of node i from padded[i] */
     size_t *padded;
-    float *value, *stack, *x; /* aligned */
-    float *work;              /* longest panel */
-    void *memory;             /* that these four share */
+    float *value, *stack;  /* aligned */
+    float *x[2], *work[2]; /* of LEFT, which TOP uses, too, and RIGHT; n, and the longest panel */
+    void *memory;          /* that these share */
     size_t bytes;
+    bool shared; /* else all is LEFT's */
 };
 
 static size_t pad(size_t count, size_t to)
@@ -170,6 +187,7 @@ static void lay_out_nodes(struct dr_front *front, const cholmod_factor *L)
                               .columns = columns,
                               .below = (uint32_t)(start[i + 1] - start[i]) - columns,
                               .row = row + start[i] + columns,
+                              .parent = NONE,
                               .first_child = NONE,
                               .next_child = NONE};
         front->padded[i] = inverses;
@@ -177,66 +195,158 @@ static void lay_out_nodes(struct dr_front *front, const cholmod_factor *L)
     }
 }
 
-/* *parent: of each node, NONE: it is a root. Children are listed in ascending order. */
-static void find_parents(struct dr_front *front, uint32_t *of_column, uint32_t *parent)
+/* Children are listed in ascending order. of_column: room for a number for each of A's. */
+static void find_parents(struct dr_front *front, uint32_t *of_column)
 {
     for (size_t i = 0; i < front->nodes; i++)
         for (uint32_t k = 0; k < front->node[i].columns; k++)
             of_column[front->node[i].column + k] = (uint32_t)i;
     for (size_t i = front->nodes; i-- > 0;) {
         struct node *node = front->node + i;
-        parent[i] = node->below ? of_column[node->row[0]] : NONE;
-        if (parent[i] != NONE) {
-            node->next_child = front->node[parent[i]].first_child;
-            front->node[parent[i]].first_child = (uint32_t)i;
-        }
+        if (!node->below)
+            continue;
+        node->parent = of_column[node->row[0]];
+        node->next_child = front->node[node->parent].first_child;
+        front->node[node->parent].first_child = (uint32_t)i;
     }
 }
 
-static bool find_all_runs(struct dr_front *front, const uint32_t *parent)
+static bool find_all_runs(struct dr_front *front)
 {
     size_t runs = 0;
-    for (size_t i = 0; i < front->nodes; i++)
-        runs += parent[i] == NONE ? 0 : find_runs(front->node + i, front->node + parent[i], NULL);
+    for (struct node *node = front->node; node < front->node + front->nodes; node++)
+        runs += node->parent == NONE ? 0 : find_runs(node, front->node + node->parent, NULL);
     front->run = malloc((runs + 1) * sizeof *front->run);
     if (!front->run)
         return false;
     runs = 0;
-    for (size_t i = 0; i < front->nodes; i++) {
-        struct node *node = front->node + i;
+    for (struct node *node = front->node; node < front->node + front->nodes; node++) {
         node->first_run = runs;
         node->runs =
-            parent[i] == NONE ? 0 : find_runs(node, front->node + parent[i], front->run + node->first_run);
+            node->parent == NONE ? 0 : find_runs(node, front->node + node->parent, front->run + runs);
         runs += node->runs;
     }
     front->bytes += (runs + 1) * sizeof *front->run;
     return true;
 }
 
-/* Where each panel and each update lies. depth: room for one number a node. */
-static void lay_out_memory(struct dr_front *front, const uint32_t *parent, uint32_t *depth, size_t *values,
-                           size_t *stacked, size_t *longest)
+/* Subtrees, the most laborious first. */
+struct subtrees {
+    size_t count;
+    struct subtree {
+        double work;
+        uint32_t root;
+        enum share share;
+    } subtree[MOST_SUBTREES];
+};
+
+static void insert(struct subtrees *list, uint32_t root, double work)
 {
-    size_t top[2] = {0, 0}, most[2] = {0, 0};
-    *values = *longest = 0;
+    size_t i = list->count++;
+    for (; i > 0 && list->subtree[i - 1].work < work; i--)
+        list->subtree[i] = list->subtree[i - 1];
+    list->subtree[i] = (struct subtree){work, root, LEFT};
+}
+
+/* Each subtree goes to whom less was given so far. Returns how long two take, `all` the work of the tree. */
+static double deal(struct subtrees *list, double all)
+{
+    double given[2] = {0, 0};
+    for (size_t i = 0; i < list->count; i++) {
+        enum share share = given[RIGHT] < given[LEFT] ? RIGHT : LEFT;
+        list->subtree[i].share = share;
+        given[share] += list->subtree[i].work;
+    }
+    return all - fmin(given[LEFT], given[RIGHT]);
+}
+
+/* Puts the children of the first subtree's root in its place; false: there are none, or no room. */
+static bool split(const struct dr_front *front, const double *work, struct subtrees *list)
+{
+    size_t children = 0;
+    uint32_t first = list->count ? front->node[list->subtree[0].root].first_child : NONE;
+    for (uint32_t i = first; i != NONE; i = front->node[i].next_child)
+        children++;
+    if (!children || list->count - 1 + children > MOST_SUBTREES)
+        return false;
+    list->count--;
+    memmove(list->subtree, list->subtree + 1, list->count * sizeof *list->subtree);
+    for (uint32_t i = first; i != NONE; i = front->node[i].next_child)
+        insert(list, i, work[i]);
+    return true;
+}
+
+/* Cuts the tree such that two who take a share each, and one of them the top, are done soonest. work: room
+ * for a number of each node. */
+static void find_shares(struct dr_front *front, double *work)
+{
+    struct subtrees list = {.count = 0}, best = list;
+    double all = 0, soonest;
+    for (size_t i = 0; i < front->nodes; i++)
+        work[i] = 0;
+    for (size_t i = 0; i < front->nodes; i++) { /* a child comes before its parent */
+        const struct node *node = front->node + i;
+        double rows = node->columns + node->below;
+        work[i] += node->columns * rows * (rows + SOLVES);
+        if (node->parent != NONE)
+            work[node->parent] += work[i];
+        else {
+            all += work[i];
+            if (list.count < MOST_SUBTREES)
+                insert(&list, (uint32_t)i, work[i]);
+        }
+    }
+    soonest = WORTH * all;
+    do {
+        double time = all < LEAST_WORK ? all : deal(&list, all);
+        if (time < soonest) {
+            soonest = time;
+            best = list;
+        }
+    } while (split(front, work, &list));
+    front->shared = best.count;
+    for (size_t i = 0; i < front->nodes; i++)
+        front->node[i].share = best.count ? TOP : LEFT;
+    for (size_t i = 0; i < best.count; i++)
+        front->node[best.subtree[i].root].share = best.subtree[i].share;
+    for (size_t i = front->nodes; i-- > 0;) {
+        uint32_t parent = front->node[i].parent;
+        if (parent != NONE && front->node[parent].share != TOP)
+            front->node[i].share = front->node[parent].share;
+    }
+}
+
+/* Where each panel and each update lies. depth: room for a number of each node. */
+static void lay_out_memory(struct dr_front *front, uint32_t *depth, size_t *values, size_t *stacked,
+                           size_t *longest)
+{
+    size_t top[SHARES][2] = {{0}}, most[SHARES][2] = {{0}}, first[SHARES][2];
+    *values = *longest = *stacked = 0;
     for (size_t i = front->nodes; i-- > 0;)
-        depth[i] = parent[i] == NONE ? 0 : depth[parent[i]] + 1;
+        depth[i] = front->node[i].parent == NONE ? 0 : depth[front->node[i].parent] + 1;
     for (size_t i = 0; i < front->nodes; i++) {
         struct node *node = front->node + i;
         struct panel panel = panel_of(front, i);
-        int mine = depth[i] & 1;
+        size_t *mine = &top[node->share][depth[i] & 1], *children = &top[node->share][~depth[i] & 1];
         node->panel = *values;
         *values += panel.columns * panel.lead;
         *longest = panel.rows > *longest ? panel.rows : *longest;
-        if (node->first_child != NONE)
-            top[!mine] = front->node[node->first_child].update;
-        node->update = top[mine];
-        top[mine] += panel.updates * panel.lead_update;
-        most[mine] = top[mine] > most[mine] ? top[mine] : most[mine];
+        uint32_t child = node->first_child;
+        while (child != NONE && front->node[child].share != node->share)
+            child = front->node[child].next_child;
+        if (child != NONE)
+            *children = front->node[child].update;
+        node->update = *mine;
+        *mine += panel.updates * panel.lead_update;
+        size_t *peak = &most[node->share][depth[i] & 1];
+        *peak = *mine > *peak ? *mine : *peak;
+    }
+    for (int k = 0; k < 2 * SHARES; k++) {
+        first[k / 2][k % 2] = *stacked;
+        *stacked += most[k / 2][k % 2];
     }
     for (size_t i = 0; i < front->nodes; i++)
-        front->node[i].update += depth[i] & 1 ? most[0] : 0;
-    *stacked = most[0] + most[1];
+        front->node[i].update += first[front->node[i].share][depth[i] & 1];
 }
 
 static bool find_places(struct dr_front *front)
@@ -276,15 +386,17 @@ static void ask_for_large_pages(void *memory, size_t bytes)
 static bool share_memory(struct dr_front *front, size_t values, size_t stacked, size_t longest)
 {
     size_t work = pad(longest, STRIP), x = pad(front->A->nrow, STRIP);
-    size_t bytes = (values + stacked + work + x + STRIP) * sizeof(float);
+    size_t bytes = (values + stacked + 2 * (work + x) + STRIP) * sizeof(float);
     front->memory = malloc(bytes);
     if (!front->memory)
         return false;
     ask_for_large_pages(front->memory, bytes);
     front->value = (float *)(((uintptr_t)front->memory + 63) & ~(uintptr_t)63);
     front->stack = front->value + values;
-    front->work = front->stack + stacked;
-    front->x = front->work + work;
+    for (size_t i = 0; i < 2; i++) {
+        front->work[i] = front->stack + stacked + i * (work + x);
+        front->x[i] = front->work[i] + work;
+    }
     front->bytes += bytes;
     return true;
 }
@@ -300,13 +412,20 @@ static const struct kernels *choose_kernels(void)
     return &kernels_any;
 }
 
-static bool plan(struct dr_front *front, uint32_t *of_column, uint32_t *parent)
+const char *dr_front_kernels(void)
+{
+    return choose_kernels()->name;
+}
+
+/* scratch: room for a number for each of A's columns; work: likewise for each node. */
+static bool plan(struct dr_front *front, uint32_t *scratch, double *work)
 {
     size_t values, stacked, longest;
-    find_parents(front, of_column, parent);
-    if (!find_all_runs(front, parent) || !find_places(front))
+    find_parents(front, scratch);
+    find_shares(front, work);
+    if (!find_all_runs(front) || !find_places(front))
         return false;
-    lay_out_memory(front, parent, of_column, &values, &stacked, &longest);
+    lay_out_memory(front, scratch, &values, &stacked, &longest);
     return share_memory(front, values, stacked, longest);
 }
 
@@ -325,14 +444,15 @@ struct dr_front *dr_front_new(const cholmod_sparse *A, const cholmod_factor *L)
     front->inverse = malloc(inverses * sizeof *front->inverse);
     front->bytes = sizeof *front + front->nodes * (sizeof *front->node + sizeof *front->padded) +
                    n * sizeof *front->scale + inverses * sizeof *front->inverse;
-    uint32_t *of_column = malloc(n * sizeof *of_column), *parent = malloc(front->nodes * sizeof *parent);
-    bool built = front->node && front->padded && front->scale && front->inverse && of_column && parent;
+    uint32_t *scratch = malloc(n * sizeof *scratch);
+    double *work = malloc(front->nodes * sizeof *work);
+    bool built = front->node && front->padded && front->scale && front->inverse && scratch && work;
     if (built) {
         lay_out_nodes(front, L);
-        built = plan(front, of_column, parent);
+        built = plan(front, scratch, work);
     }
-    free(of_column);
-    free(parent);
+    free(scratch);
+    free(work);
     return built ? front : dr_front_free(front);
 }
 
@@ -380,13 +500,13 @@ static enum dr_front_result find_scales(struct dr_front *front)
     return DR_FRONT_DONE;
 }
 
-/* Adds the columns of A that are the panel's; *place: of its first block. Returns that of the next panel's.
- */
-static const uint32_t *assemble(const struct dr_front *front, const struct node *node,
-                                const struct panel *panel, const uint32_t *place)
+/* Adds the columns of A that are the panel's. */
+static void assemble(const struct dr_front *front, const struct node *node, const struct panel *panel)
 {
     const int *p = front->A->p, *row = front->A->i;
     const double *value = front->A->x, *scale = front->scale;
+    /* Three columns have three entries less than nine for each of their blocks. */
+    const uint32_t *place = front->place + ((size_t)p[node->column] + node->column) / 9;
     for (size_t j = node->column; j < node->column + node->columns; j += 3) {
         size_t blocks = (size_t)(p[j + 1] - p[j]) / 3;
         for (size_t c = 0; c < 3; c++) {
@@ -402,7 +522,6 @@ static const uint32_t *assemble(const struct dr_front *front, const struct node 
         }
         place += blocks;
     }
-    return place;
 }
 
 /* Adds what the children left: to the panel, or to what the parent leaves itself. */
@@ -430,22 +549,18 @@ static void clear(const struct node *node, const struct panel *panel)
         panel->value[k * panel->lead + k] = 1;
 }
 
-/* x = L^-T x for the nodes before `end`. */
-static void go_backward(const struct dr_front *front, size_t end)
+/* x = L^-T x for the rows of a node's pivots, after those below. */
+static void step_backward(const struct dr_front *front, size_t i, float *x, float *work)
 {
-    float *work = front->work, *x = front->x;
-    for (size_t i = end; i-- > 0;) {
-        const struct node *node = front->node + i;
-        struct panel panel = panel_of(front, i);
-        memcpy(work, x + node->column, node->columns * sizeof *work);
-        memset(work + node->columns, 0, (panel.pivots - node->columns) * sizeof *work);
-        for (size_t k = 0; k < node->below; k++)
-            work[panel.pivots + k] = x[node->row[k]];
-        memset(work + panel.pivots + node->below, 0,
-               (panel.rows - panel.pivots - node->below) * sizeof *work);
-        front->kernels->backward(&panel, work);
-        memcpy(x + node->column, work, node->columns * sizeof *work);
-    }
+    const struct node *node = front->node + i;
+    struct panel panel = panel_of(front, i);
+    memcpy(work, x + node->column, node->columns * sizeof *work);
+    memset(work + node->columns, 0, (panel.pivots - node->columns) * sizeof *work);
+    for (size_t k = 0; k < node->below; k++)
+        work[panel.pivots + k] = x[node->row[k]];
+    memset(work + panel.pivots + node->below, 0, (panel.rows - panel.pivots - node->below) * sizeof *work);
+    front->kernels->backward(&panel, work);
+    memcpy(x + node->column, work, node->columns * sizeof *work);
 }
 
 /* Whether A curves down along x, which is scaled. */
@@ -453,12 +568,12 @@ static bool curves_down(const struct dr_front *front)
 {
     const int *p = front->A->p, *row = front->A->i;
     const double *value = front->A->x, *scale = front->scale;
+    const float *x = front->x[LEFT];
     double curvature = 0, size = 0;
     for (size_t j = 0; j < front->A->ncol; j++) {
-        double of_column = (double)front->x[j] * scale[j];
+        double of_column = (double)x[j] * scale[j];
         for (int k = p[j]; of_column != 0 && k < p[j + 1]; k++) { /* off the diagonal twice */
-            double term =
-                (k > p[j] ? 2 : 1) * value[k] * of_column * (double)front->x[row[k]] * scale[row[k]];
+            double term = (k > p[j] ? 2 : 1) * value[k] * of_column * (double)x[row[k]] * scale[row[k]];
             curvature += term;
             size += fabs(term);
         }
@@ -467,13 +582,16 @@ static bool curves_down(const struct dr_front *front)
 }
 
 /* The pivot in that column of a node is too small, or below zero. Then A should curve down along the column
- * of L^-T that the pivot is about. */
+ * of L^-T that the pivot is about; it is zero but for the node and its descendants. */
 static enum dr_front_result judge(struct dr_front *front, size_t i, size_t column)
 {
     const struct node *node = front->node + i;
     struct panel panel = panel_of(front, i);
-    float *work = front->work;
-    memset(front->x, 0, pad(front->A->nrow, STRIP) * sizeof *front->x);
+    float *work = front->work[LEFT], *x = front->x[LEFT];
+    size_t first = i;
+    while (front->node[first].first_child != NONE)
+        first = front->node[first].first_child;
+    memset(x, 0, pad(front->A->nrow, STRIP) * sizeof *x);
     memset(work, 0, panel.rows * sizeof *work);
     for (size_t k = column; k < panel.columns; k++)
         panel.inverse[k] = 0;
@@ -484,37 +602,91 @@ static enum dr_front_result judge(struct dr_front *front, size_t i, size_t colum
             sum += panel.value[k * panel.lead + r] * work[r];
         work[k] = -sum * panel.inverse[k];
     }
-    memcpy(front->x + node->column, work, node->columns * sizeof *work);
-    go_backward(front, i);
+    memcpy(x + node->column, work, node->columns * sizeof *work);
+    while (i-- > first)
+        step_backward(front, i, x, work);
     return curves_down(front) ? DR_FRONT_INDEFINITE : DR_FRONT_UNCERTAIN;
 }
 
-enum dr_front_result dr_front_factorise(struct dr_front *front)
+/* Returns the columns done: all, or that of the first pivot that is too small. */
+static size_t factorise_node(const struct dr_front *front, size_t i)
 {
-    const uint32_t *place = front->place;
-    enum dr_front_result result = find_scales(front);
-    for (size_t i = 0; i < front->nodes && result == DR_FRONT_DONE; i++) {
+    const struct node *node = front->node + i;
+    struct panel panel = panel_of(front, i);
+    clear(node, &panel);
+    assemble(front, node, &panel);
+    add_children(front, node, &panel, true);
+    size_t done = front->kernels->factorise(&panel);
+    if (done < panel.columns)
+        return done;
+    front->kernels->multiply(&panel, front->stack + node->update);
+    add_children(front, node, &panel, false);
+    return panel.columns;
+}
+
+/* Where a share stopped short of its end. */
+struct stop {
+    size_t node; /* front->nodes: it did not */
+    size_t column;
+};
+
+struct factorisation {
+    const struct dr_front *front;
+    struct stop stop[SHARES];
+    atomic_bool left_stopped; /* then the right one is not looked at */
+};
+
+static void factorise_share(void *data, int share)
+{
+    struct factorisation *work = data;
+    const struct dr_front *front = work->front;
+    struct stop *stop = &work->stop[share];
+    *stop = (struct stop){front->nodes, 0};
+    for (size_t i = 0; i < front->nodes; i++) {
         const struct node *node = front->node + i;
-        struct panel panel = panel_of(front, i);
-        clear(node, &panel);
-        place = assemble(front, node, &panel, place);
-        add_children(front, node, &panel, true);
-        size_t done = front->kernels->factorise(&panel);
-        if (done < panel.columns)
-            return judge(front, i, done);
-        front->kernels->multiply(&panel, front->stack + node->update);
-        add_children(front, node, &panel, false);
+        if ((int)node->share != share)
+            continue;
+        if (share == RIGHT && atomic_load_explicit(&work->left_stopped, memory_order_relaxed))
+            return;
+        size_t done = factorise_node(front, i);
+        if (done < pad(node->columns, 4)) {
+            *stop = (struct stop){i, done};
+            break;
+        }
     }
-    return result;
+    if (share == LEFT && stop->node < front->nodes)
+        atomic_store_explicit(&work->left_stopped, true, memory_order_relaxed);
+}
+
+enum dr_front_result dr_front_factorise(struct dr_front *front, struct dr_hand *hand)
+{
+    struct factorisation work = {.front = front};
+    enum dr_front_result result = find_scales(front);
+    if (result != DR_FRONT_DONE)
+        return result;
+    atomic_init(&work.left_stopped, false);
+    dr_hand_both(front->shared ? hand : NULL, factorise_share, &work);
+    for (int share = LEFT; share < SHARES; share++) {
+        if (share == TOP)
+            factorise_share(&work, TOP);
+        if (work.stop[share].node < front->nodes)
+            return judge(front, work.stop[share].node, work.stop[share].column);
+    }
+    return DR_FRONT_DONE;
 }
 
 /* ---- solve -------------------------------------------------------------------------------------- */
 
-static void go_forward(const struct dr_front *front)
+/* What a share leaves to the rows of the top, it adds to those of its own x. */
+static void go_forward(void *data, int share)
 {
-    float *work = front->work, *x = front->x;
+    const struct dr_front *front = data;
+    int whose = share == TOP ? LEFT : share;
+    float *work = front->work[whose], *x = front->x[whose];
     for (size_t i = 0; i < front->nodes; i++) {
         const struct node *node = front->node + i;
+        if ((int)node->share != share)
+            continue;
         struct panel panel = panel_of(front, i);
         memcpy(work, x + node->column, node->columns * sizeof *work);
         memset(work + node->columns, 0, (panel.rows - node->columns) * sizeof *work);
@@ -525,9 +697,51 @@ static void go_forward(const struct dr_front *front)
     }
 }
 
-void dr_front_solve(struct dr_front *front, double *x)
+static void go_backward(void *data, int share)
+{
+    const struct dr_front *front = data;
+    int whose = share == TOP ? LEFT : share;
+    for (size_t i = front->nodes; i-- > 0;)
+        if ((int)front->node[i].share == share)
+            step_backward(front, i, front->x[whose], front->work[whose]);
+}
+
+/* x = A^-1 x, of the scaled matrix; x is that of LEFT. */
+static void solve(struct dr_front *front, struct dr_hand *hand)
+{
+    float *left = front->x[LEFT], *right = front->x[RIGHT];
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        if (node->share == RIGHT)
+            memcpy(right + node->column, left + node->column, node->columns * sizeof *right);
+        else if (node->share == TOP)
+            memset(right + node->column, 0, node->columns * sizeof *right);
+    }
+    dr_hand_both(front->shared ? hand : NULL, go_forward, front);
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        for (size_t k = node->column; k < node->column + node->columns && node->share == TOP; k++)
+            left[k] += right[k];
+    }
+    go_forward(front, TOP);
+    go_backward(front, TOP);
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        if (node->share == TOP)
+            memcpy(right + node->column, left + node->column, node->columns * sizeof *right);
+    }
+    dr_hand_both(front->shared ? hand : NULL, go_backward, front);
+    for (size_t i = 0; i < front->nodes; i++) {
+        const struct node *node = front->node + i;
+        if (node->share == RIGHT)
+            memcpy(left + node->column, right + node->column, node->columns * sizeof *left);
+    }
+}
+
+void dr_front_solve(struct dr_front *front, struct dr_hand *hand, double *x)
 {
     size_t n = front->A->nrow;
+    float *scaled = front->x[LEFT];
     double largest = 0;
     int exponent;
     for (size_t i = 0; i < n; i++)
@@ -537,9 +751,8 @@ void dr_front_solve(struct dr_front *front, double *x)
     frexp(largest, &exponent);
     double down = ldexp(1, -exponent), up = ldexp(1, exponent);
     for (size_t i = 0; i < n; i++)
-        front->x[i] = (float)(x[i] * front->scale[i] * down);
-    go_forward(front);
-    go_backward(front, front->nodes);
+        scaled[i] = (float)(x[i] * front->scale[i] * down);
+    solve(front, hand);
     for (size_t i = 0; i < n; i++)
-        x[i] = (double)front->x[i] * front->scale[i] * up;
+        x[i] = (double)scaled[i] * front->scale[i] * up;
 }

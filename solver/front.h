@@ -5,11 +5,15 @@
  * front, with what its children in the elimination tree leave; the dense columns are factorised there, and
  * what they leave goes to the parent. Sums have a fixed order: the same matrix has the same factor to the
  * last bit, on one kind of processor. The matrix is scaled by powers of two to a diagonal of 1 to 4 first.
- * Belongs to one thread. */
+ *
+ * The tree is cut into two shares of subtrees, which have as much work as each other and nothing in common,
+ * and the top that joins them: a second processor that is idle may take one share. Belongs to one thread. */
 #ifndef DR_FRONT_H
 #define DR_FRONT_H
 
 #include <cholmod.h>
+
+#include "hand.h"
 
 struct dr_front;
 
@@ -28,11 +32,14 @@ struct dr_front *dr_front_new(const cholmod_sparse *A, const cholmod_factor *L);
 struct dr_front *dr_front_free(struct dr_front *front); /* NULL is fine; returns NULL */
 size_t dr_front_bytes(const struct dr_front *front);
 
-/* Factorises A as it is now. Unless it is done, there is no factor. */
-enum dr_front_result dr_front_factorise(struct dr_front *front);
+/* Factorises A as it is now. hand: here and below, NULL is fine. Unless it is done, there is no factor. */
+enum dr_front_result dr_front_factorise(struct dr_front *front, struct dr_hand *hand);
 
 /* Solves A w = b, in place, with the last factor: within about 1e-6 times A's condition, and whatever the
  * size of b. n numbers, in the order of A's rows. */
-void dr_front_solve(struct dr_front *front, double *x);
+void dr_front_solve(struct dr_front *front, struct dr_hand *hand, double *x);
+
+/* The instruction set that the processor offers: see drape_kernels. */
+const char *dr_front_kernels(void);
 
 #endif

@@ -1,8 +1,8 @@
 /* front_kernels.h - the dense kernels of front.c, which includes it once for each instruction set.
  *
  * It takes LANES, the floats of a vector; WIDE, the columns of a tile, as many as registers hold, 4 or 16;
- * TARGET, an attribute of functions; and KERNEL(name). All work is done on strips of STRIP rows, on whose
- * multiples all columns begin and end, padded by zeros. */
+ * TARGET, an attribute of functions; NAME, which users read; and KERNEL(name). All work is done on strips of
+ * STRIP rows, on whose multiples all columns begin and end, padded by zeros. */
 #define VECTOR  KERNEL(vector)
 #define LOOSE   KERNEL(loose)   /* a vector anywhere */
 #define PARTS   (STRIP / LANES) /* vectors of a strip */
@@ -287,8 +287,9 @@ TARGET static void KERNEL(backward)(const struct panel *panel, float *x)
     }
 }
 
-static const struct kernels KERNEL(kernels) = {KERNEL(factorise_panel), KERNEL(multiply_panel),
-                                               KERNEL(forward), KERNEL(backward), KERNEL(add_run)};
+static const struct kernels KERNEL(kernels) = {
+    NAME,           KERNEL(factorise_panel), KERNEL(multiply_panel), KERNEL(forward), KERNEL(backward),
+    KERNEL(add_run)};
 
 #undef VECTOR
 #undef LOOSE
@@ -298,3 +299,4 @@ static const struct kernels KERNEL(kernels) = {KERNEL(factorise_panel), KERNEL(m
 #undef WIDE
 #undef TARGET
 #undef KERNEL
+#undef NAME

@@ -55,6 +55,7 @@ struct dr_matrix {
     double entries; /* of the factor */
     cholmod_sparse *A;
     cholmod_factor *L;
+    struct dr_hand *hand;   /* NULL: none */
     struct dr_front *front; /* NULL: not DR_SINGLE */
     bool single;            /* the last factor is the front's */
     bool in_doubt;          /* it could not be made: the next one is CHOLMOD's */
@@ -430,6 +431,11 @@ drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stif
     return status;
 }
 
+void dr_matrix_lend(struct dr_matrix *A, struct dr_hand *hand)
+{
+    A->hand = hand;
+}
+
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr)
 {
     double mass_factor = A->mass_factor;
@@ -755,7 +761,7 @@ bool dr_matrix_factorise(struct dr_matrix *A, bool *ret_memory)
     if (!A->free)
         return true;
     if (A->factor == DR_SINGLE && !A->in_doubt) {
-        enum dr_front_result result = dr_front_factorise(A->front);
+        enum dr_front_result result = dr_front_factorise(A->front, A->hand);
         A->single = result == DR_FRONT_DONE;
         A->in_doubt = result == DR_FRONT_UNCERTAIN;
         A->doubts = A->in_doubt ? A->doubts + 1 : 0;
@@ -784,7 +790,7 @@ bool dr_matrix_solve(struct dr_matrix *A, size_t count, const double *const b[],
             memcpy(value + k * w.d + 3 * j, b[k] + 3 * (size_t)A->node[j], 3 * sizeof *value);
     if (A->single) {
         for (size_t k = 0; k < count; k++)
-            dr_front_solve(A->front, value + k * w.d);
+            dr_front_solve(A->front, A->hand, value + k * w.d);
     } else if (A->factor != DR_LDL) {
         /* In place and without the permutations of cholmod_solve: the numbering is the elimination order. */
         cholmod_super_lsolve(A->L, &w, A->e, &A->common);

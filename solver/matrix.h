@@ -9,6 +9,7 @@
 #define DR_MATRIX_H
 
 #include "bend.h"
+#include "hand.h"
 #include "mesh.h"
 
 struct dr_matrix;
@@ -27,6 +28,9 @@ enum dr_factor {
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
                            const uint32_t *link, size_t links, enum dr_factor factor,
                            drape_analyses *analyses, struct dr_matrix **ret, drape_error *reterr);
+
+/* Whence DR_SINGLE borrows a processor from now on; NULL: nowhere. */
+void dr_matrix_lend(struct dr_matrix *A, struct dr_hand *hand);
 
 /* The same with places for the blocks of these pairs of nodes, too, beside the links given at creation, and
  * zero but for the base; there is no factor until the next factorisation. After a failure nothing may be done

@@ -166,6 +166,7 @@ void dr_plan_compile(struct drape_sim *sim)
         .tacks = scene->tacks > 0,
         .matrix = plan->method->matrix,
         .analyses = sim->options.analyses,
+        .hand = &sim->hand,
     };
     if (scene->pieces && sim->options.max_iterations)
         plan->pieces = (struct dr_cloth_plan){
@@ -180,6 +181,7 @@ void dr_plan_compile(struct drape_sim *sim)
             .link = scene->seam,
             .links = scene->seams,
             .analyses = sim->options.analyses,
+            .hand = &sim->hand,
             .matrix = DR_MATRIX_PRECONDITIONER, /* steps that are cut to millimetres need no more */
         };
     if (scene->path && sim->options.max_iterations) {

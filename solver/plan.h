@@ -58,6 +58,7 @@ struct dr_cloth_plan {
     size_t links;
     enum dr_cloth_matrix matrix; /* and its factor */
     drape_analyses *analyses;    /* NULL: none */
+    struct dr_hand *hand;        /* NULL: none */
 };
 
 struct dr_plan {

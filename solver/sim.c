@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "error.h"
+#include "front.h"
 
 #define SHORT_FACTORISATION 1.0 /* s: one expected to take no longer always begins */
 
@@ -100,6 +101,7 @@ drape_status drape_sim_new(const drape_scene *scene, const drape_options *option
     }
     sim->scene = scene;
     sim->options = *options;
+    sim->hand.processors = options->processors;
     atomic_init(&sim->cancelled, false);
     memcpy(sim->positions, scene->positions, 3 * scene->vertices * sizeof *sim->positions);
     dr_plan_compile(sim);
@@ -225,7 +227,7 @@ static void unweld(const drape_scene *scene, const double *x, double *v)
             memcpy(v + 3 * i, x + 3 * (size_t)scene->vertex_node[i], 3 * sizeof *v);
 }
 
-drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
+drape_status dr_sim_run(drape_sim *sim, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
     drape_status status = DRAPE_OK;
@@ -250,6 +252,7 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
         unweld(scene, x, sim->positions);
         sim->report.change = scene->change;
         sim->report.seconds = dr_clock() - sim->began;
+        sim->report.borrowed_seconds += sim->hand.seconds;
         report_stages(sim);
         dr_plan_report(&sim->plan, &sim->report);
         if (atomic_load(&sim->cancelled))
@@ -258,6 +261,14 @@ drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
             status = DRAPE_NOT_AT_REST;
     }
     free(x);
+    return status;
+}
+
+drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
+{
+    dr_processors_enter(sim->options.processors);
+    drape_status status = dr_sim_run(sim, reterr);
+    dr_processors_leave(sim->options.processors);
     return status;
 }
 
@@ -288,6 +299,11 @@ const drape_fit *drape_sim_fit(const drape_sim *sim)
 const char *drape_version(void)
 {
     return "0.1.0";
+}
+
+const char *drape_kernels(void)
+{
+    return dr_front_kernels();
 }
 
 const char *drape_blas_prepare(void)

@@ -6,6 +6,7 @@
 
 #include "clock.h"
 #include "fit.h"
+#include "hand.h"
 
 /* Where the seconds go; dr_stage_name has their names. */
 enum dr_stage {
@@ -33,6 +34,7 @@ struct drape_sim {
     double *positions;  /* 3*vertices: the result */
     drape_row *row;     /* max_iterations + 1 */
     struct dr_fit *fit; /* NULL: not asked for */
+    struct dr_hand hand;
     size_t rows;
     double
         factor_rate[DR_FACTORS]; /* 1/s: operations of the last factorisation that went well; 0: none yet */
@@ -42,6 +44,9 @@ struct drape_sim {
 
 /* By an integrator: the method is stop-and-go or dynamic. */
 bool dr_steps_in_time(const drape_options *options);
+
+/* drape_sim_run but for the processor that the caller has: of a sim that runs within another one. */
+drape_status dr_sim_run(drape_sim *sim, drape_error *reterr);
 
 /* Cancelled, or past the time limit. */
 bool dr_sim_interrupted(const struct drape_sim *sim);

@@ -36,6 +36,7 @@ printf 'max-queued = 7\nmax-body = 2048\n' >"$conf"
 start_daemon
 request GET /v1/info
 json 'the daemon goes by its file' '.limits.queued_jobs == 7 and .limits.body_bytes == 2048'
+json "and says what it computes with" '(.blas | length) > 0 and (.kernels | IN("AVX-512", "AVX2", "none"))'
 stop_daemon
 is 'and stops with status 0' "$status" 0
 finish

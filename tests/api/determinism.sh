@@ -1,5 +1,6 @@
 #!/bin/bash
-# The same job gives the same bytes, alone on one worker and beside others on two.
+# The same job gives the same bytes: alone on one worker, beside others on two, and alone on two, where it borrows the
+# processor that nobody uses.
 . "$(dirname "$0")/lib.sh"
 square 16 '.bodies = [{sphere: {center: [0.1, -0.08, 0.1], radius: 0.05}, offset: 0.003}] | del(.cloth.pins)' >"$work/job"
 square 12 '.solver.stop_on = "potential"' >"$work/other"
@@ -21,6 +22,7 @@ drape_copies() {
             curl -s "$url/v1/jobs/${ids[i]}/result?format=$format" >"$work/$name-$i.$format"
         done
         curl -s "$url/v1/jobs/${ids[i]}/trace?format=csv" >"$work/$name-$i.csv"
+        curl -s "$url/v1/jobs/${ids[i]}" >"$work/$name-$i.job"
     done
     stop_daemon
 }
@@ -34,4 +36,13 @@ for ((i = 0; i < 4; i++)); do
     is "copy $i: the same trace" "$(without_seconds "$work/busy-$i.csv" | sha256sum)" \
         "$(without_seconds "$work/alone-0.csv" | sha256sum)"
 done
+
+# Large enough for halves of its factorisations to be worth sharing.
+"$DRAPE" example square --triangles 3200 | jq -c '.solver = {max_iterations: 4}' >"$work/job"
+drape_copies one 1 1
+drape_copies two 2 1
+check 'with a borrowed processor: the same glb' cmp "$work/one-0.glb" "$work/two-0.glb"
+is 'and the same trace' "$(without_seconds "$work/two-0.csv" | sha256sum)" "$(without_seconds "$work/one-0.csv" | sha256sum)"
+json 'one worker has nothing to lend' '.report.borrowed_seconds == 0' "$work/one-0.job"
+json 'two have' '.report.borrowed_seconds > 0' "$work/two-0.job"
 finish

@@ -26,7 +26,7 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
         "\"peak_bytes_by_phase\":{\"sewing\":15300000,\"draping\":20000000},\"plan\":{\"kept\":[{\"name\":"
         "\"state\",\"bytes\":1000},"
         "{\"name\":\"contact\",\"bytes\":15000000},{\"name\":\"jacobian\",\"bytes\":4e6}]},\"stops\":5,"
-        "\"factorizations\":75,\"seconds\":3.25,\"stages\":{\"sew\":0.0,\"broad-phase\":0.25,\"factorise\":2."
+        "\"factorizations\":75,\"seconds\":3.25,\"borrowed_seconds\":1.5,\"stages\":{\"sew\":0.0,\"broad-phase\":0.25,\"factorise\":2."
         "77},"
         "\"energies\":{\"stretch\":0.125,\"potential\":-0.5},\"residual_force\":9e-4,"
         "\"residual_energy\":3.5e-11,\"residual_energy_is\":\"estimate\",\"penetrations\":0,"
@@ -35,7 +35,7 @@ static void test_report__shows_verdict_reason_counts_and_energies(void **state)
                                  "within the tolerance",
                                  "74 of draping, 5 stops",
                                  "75 factorisations",
-                                 "3.25 s (broad-phase 0.25, factorise 2.77)",
+                                 "3.25 s, 1.50 s of a second processor (broad-phase 0.25, factorise 2.77)",
                                  "memory         20.0 MB, 4000 bytes a triangle (contact 15.0, jacobian 4.0)",
                                  "by phase       sewing 15.3, draping 20.0 MB",
                                  "stretch 0.125, potential -0.5",

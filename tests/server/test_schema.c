@@ -1237,6 +1237,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
                                           "ramp",
                                           "coarse",
                                           "seconds",
+                                          "borrowed_seconds",
                                           "stages",
                                           "peak_bytes",
                                           "peak_bytes_by_phase",
@@ -1264,6 +1265,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
         .coarse_iterations = 12,
         .coarse_factorizations = 80,
         .coarse_carried = true,
+        .borrowed_seconds = 2.5,
         .triangles = 1 << 20,
         .phase_bytes = {[DRAPE_PHASE_SEWING] = 7, [DRAPE_PHASE_DRAPING] = (size_t)5 << 30},
         .peak_bytes = (size_t)5 << 30,
@@ -1279,6 +1281,7 @@ static void test_schema__report_has_the_members_of_the_contract(void **state)
     assert_string_equal(json_string_value(json_object_get(json, "stop_on")), "kinetic");
     assert_true(json_integer_value(json_object_get(json, "peak_bytes")) == (json_int_t)5 << 30);
     assert_close(json_number_value(json_object_get(json, "bytes_per_triangle")), 5 << 10, 0);
+    assert_close(json_number_value(json_object_get(json, "borrowed_seconds")), 2.5, 0);
     static const char *const PHASES[] = {"sewing", "draping", NULL};
     json_t *phases = json_object_get(json, "peak_bytes_by_phase");
     expect_members(phases, PHASES);

@@ -141,7 +141,7 @@ static double *solution(const struct grid *grid, struct dr_front *front)
     double *x = malloc(grid->n * sizeof *x);
     assert_non_null(x);
     memcpy(x, grid->b, grid->n * sizeof *x);
-    dr_front_solve(front, x);
+    dr_front_solve(front, NULL, x);
     return x;
 }
 
@@ -170,7 +170,7 @@ static void test_front__solves_to_single_precision_with_every_instruction_set(vo
         assert_non_null(front);
         for (size_t k = 0; k < sets; k++) {
             front->kernels = kernels[k];
-            assert_int_equal(dr_front_factorise(front), DR_FRONT_DONE);
+            assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
             double *x = solution(grid, front), left = residual(grid, x);
             if (i + 1 == sizeof side / sizeof *side)
                 print_message("  %d x %d nodes, instruction set %zu: residual %.1e\n", side[i], side[i], k,
@@ -189,15 +189,15 @@ static void test_front__the_same_matrix_has_the_same_bytes(void **state)
     struct grid *grid = grid_new(23, 0.3);
     struct dr_front *front = dr_front_new(grid->A, grid->L), *other = dr_front_new(grid->A, grid->L);
     double *value = grid->A->x, kept = value[0];
-    assert_int_equal(dr_front_factorise(front), DR_FRONT_DONE);
+    assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
     double *x = solution(grid, front);
     value[0] *= 3; /* the other's memory holds another factor first */
-    assert_int_equal(dr_front_factorise(other), DR_FRONT_DONE);
+    assert_int_equal(dr_front_factorise(other, NULL), DR_FRONT_DONE);
     double *y = solution(grid, other);
     assert_memory_not_equal(x, y, grid->n * sizeof *x);
     free(y);
     value[0] = kept;
-    assert_int_equal(dr_front_factorise(other), DR_FRONT_DONE);
+    assert_int_equal(dr_front_factorise(other, NULL), DR_FRONT_DONE);
     y = solution(grid, other);
     assert_memory_equal(x, y, grid->n * sizeof *x);
     free(x);
@@ -214,13 +214,13 @@ static void test_front__powers_of_two_scale_the_solution_alone(void **state)
     struct grid *grid = grid_new(11, 0.3);
     struct dr_front *front = dr_front_new(grid->A, grid->L);
     double *value = grid->A->x;
-    assert_int_equal(dr_front_factorise(front), DR_FRONT_DONE);
+    assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
     double *x = solution(grid, front);
     for (size_t i = 0; i < grid->A->nzmax; i++)
         value[i] = ldexp(value[i], 200);
     for (size_t i = 0; i < grid->n; i++)
         grid->b[i] = ldexp(grid->b[i], -150);
-    assert_int_equal(dr_front_factorise(front), DR_FRONT_DONE);
+    assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
     double *y = solution(grid, front);
     for (size_t i = 0; i < grid->n; i++)
         assert_true(y[i] == ldexp(x[i], -350));
@@ -257,7 +257,7 @@ static void test_front__what_round_off_may_have_made_is_uncertain(void **state)
             struct dr_front *front = dr_front_new(grid->A, grid->L);
             for (size_t k = 0; k < sets; k++) {
                 front->kernels = kernels[k];
-                assert_int_equal(dr_front_factorise(front), told[i].result);
+                assert_int_equal(dr_front_factorise(front, NULL), told[i].result);
             }
             dr_front_free(front);
             grid_free(grid);
@@ -279,11 +279,75 @@ static void test_front__one_negative_direction_is_found_anywhere(void **state)
         for (size_t k = 0; k < sets; k++) {
             front->kernels = kernels[k];
             value[p[j]] = 0.05 * kept;
-            assert_int_equal(dr_front_factorise(front), DR_FRONT_INDEFINITE);
+            assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_INDEFINITE);
             value[p[j]] = kept;
-            assert_int_equal(dr_front_factorise(front), DR_FRONT_DONE);
+            assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
         }
     }
+    dr_front_free(front);
+    grid_free(grid);
+}
+
+/* Both shares and the top have about what they should, and whoever does them leaves the same bytes. */
+static void test_front__a_second_processor_changes_no_byte(void **state)
+{
+    (void)state;
+    struct grid *grid = grid_new(70, 0.3);
+    struct dr_front *front = dr_front_new(grid->A, grid->L);
+    struct dr_hand hand = {.processors = drape_processors_new(2)};
+    assert_non_null(hand.processors);
+    double entries[SHARES] = {0};
+    for (size_t i = 0; i < front->nodes; i++)
+        entries[front->node[i].share] +=
+            (double)front->node[i].columns * (front->node[i].columns + front->node[i].below);
+    print_message("  entries of the shares: %.0f, %.0f, of the top %.0f\n", entries[LEFT], entries[RIGHT],
+                  entries[TOP]);
+    assert_true(fmax(entries[LEFT], entries[RIGHT]) + entries[TOP] <
+                0.65 * (entries[LEFT] + entries[RIGHT] + entries[TOP]));
+
+    assert_int_equal(dr_front_factorise(front, NULL), DR_FRONT_DONE);
+    double *x = solution(grid, front), *y = malloc(grid->n * sizeof *y);
+    assert_non_null(y);
+    for (int i = 0; i < 20; i++) {
+        assert_int_equal(dr_front_factorise(front, &hand), DR_FRONT_DONE);
+        memcpy(y, grid->b, grid->n * sizeof *y);
+        dr_front_solve(front, &hand, y);
+        assert_memory_equal(x, y, grid->n * sizeof *x);
+    }
+    assert_true(hand.seconds > 0);
+    free(x);
+    free(y);
+    drape_processors_free(hand.processors);
+    dr_front_free(front);
+    grid_free(grid);
+}
+
+/* In either share, in the top, or in all of them: the verdict does not depend on who looks. */
+static void test_front__what_is_indefinite_is_so_in_every_share(void **state)
+{
+    (void)state;
+    struct grid *grid = grid_new(70, 0.3);
+    struct dr_front *front = dr_front_new(grid->A, grid->L);
+    struct dr_hand hand = {.processors = drape_processors_new(2)};
+    assert_non_null(hand.processors);
+    const int *p = grid->A->p;
+    double *value = grid->A->x;
+    for (int which = 1; which < 1 << SHARES; which++) { /* a bit for each share */
+        double kept[SHARES];
+        int at[SHARES] = {0};
+        for (size_t i = 0; i < front->nodes; i++)
+            at[front->node[i].share] = p[front->node[i].column];
+        for (int share = 0; share < SHARES; share++) {
+            kept[share] = value[at[share]];
+            value[at[share]] *= which >> share & 1 ? 0.05 : 1;
+        }
+        for (int i = 0; i < 10; i++)
+            assert_int_equal(dr_front_factorise(front, i ? &hand : NULL), DR_FRONT_INDEFINITE);
+        for (int share = 0; share < SHARES; share++)
+            value[at[share]] = kept[share];
+        assert_int_equal(dr_front_factorise(front, &hand), DR_FRONT_DONE);
+    }
+    drape_processors_free(hand.processors);
     dr_front_free(front);
     grid_free(grid);
 }
@@ -671,6 +735,8 @@ int main(void)
         cmocka_unit_test(test_front__powers_of_two_scale_the_solution_alone),
         cmocka_unit_test(test_front__what_round_off_may_have_made_is_uncertain),
         cmocka_unit_test(test_front__one_negative_direction_is_found_anywhere),
+        cmocka_unit_test(test_front__a_second_processor_changes_no_byte),
+        cmocka_unit_test(test_front__what_is_indefinite_is_so_in_every_share),
         cmocka_unit_test(test_front__few_conjugate_gradient_steps_make_it_double),
         cmocka_unit_test(test_front__two_right_hand_sides_are_solved_alike),
         cmocka_unit_test(test_front__double_judges_what_single_cannot_and_stays_the_second_time),

@@ -1,0 +1,26 @@
+/* hand.h - a second processor that a sim borrows, for a moment at a time (drape_processors, in drape.h).
+ *
+ * Work is cut in two halves that share nothing they write to, the same two whether anybody lends or not: what
+ * comes out doesn't depend on it, to the last bit. */
+#ifndef DR_HAND_H
+#define DR_HAND_H
+
+#include "drape.h"
+
+/* Of one sim, whose thread it belongs to. */
+struct dr_hand {
+    drape_processors *processors; /* borrowed; NULL: there is nothing to lend */
+    double seconds;               /* for which a second processor was borrowed */
+};
+
+typedef void dr_half_fn(void *context, int half);
+
+/* Runs both halves: 0 here and 1 on a processor that nobody uses or, where there is none, afterwards. Returns
+ * when both have ended. hand: NULL is fine. */
+void dr_hand_both(struct dr_hand *hand, dr_half_fn *run, void *context);
+
+/* The caller begins to use a processor of its own, and ends. NULL is fine. */
+void dr_processors_enter(drape_processors *processors);
+void dr_processors_leave(drape_processors *processors);
+
+#endif
