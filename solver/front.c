@@ -40,8 +40,15 @@ struct panel {
     size_t rows;    /* all, padded */
     size_t lead;    /* from column to column */
     size_t updates; /* columns that are left to the parent, a multiple of 4 */
-    size_t lead_update;
 };
+
+/* What a supernode leaves to its parent is a lower triangle of `rows` rows, a multiple of STRIP: STRIP
+ * columns after STRIP columns, without the rows above them. Where row 0 of column j would be. */
+static inline size_t update_column(size_t rows, size_t j)
+{
+    size_t above = j / STRIP * STRIP;
+    return above * rows - above * (above - STRIP) / 2 + j % STRIP * (rows - above) - above;
+}
 
 /* Rows of what a child leaves that are neighbours in its parent, too: all among its pivots or all below. */
 struct run {
@@ -55,7 +62,9 @@ struct run {
 struct addition {
     const float *from;
     float *to;
-    size_t lead_from, lead_to, base;
+    size_t rows_from, rows_to;
+    size_t lead_to; /* of a panel; 0: to what the parent leaves, of rows_to rows */
+    size_t base;
 };
 
 struct kernels {
@@ -141,8 +150,12 @@ static struct panel panel_of(const struct dr_front *front, size_t i)
                           .pivots = pivots,
                           .rows = pivots + below,
                           .lead = lead_of(pivots + below),
-                          .updates = pad(node->below, 4),
-                          .lead_update = lead_of(below)};
+                          .updates = pad(node->below, 4)};
+}
+
+static size_t update_size(const struct panel *panel)
+{
+    return update_column(panel->rows - panel->pivots, panel->updates) + panel->updates / STRIP * STRIP;
 }
 
 /* ---- plan --------------------------------------------------------------------------------------- */
@@ -337,7 +350,7 @@ static void lay_out_memory(struct dr_front *front, uint32_t *depth, size_t *valu
         if (child != NONE)
             *children = front->node[child].update;
         node->update = *mine;
-        *mine += panel.updates * panel.lead_update;
+        *mine += update_size(&panel);
         size_t *peak = &most[node->share][depth[i] & 1];
         *peak = *mine > *peak ? *mine : *peak;
     }
@@ -529,13 +542,14 @@ static void add_children(const struct dr_front *front, const struct node *node, 
                          bool pivots)
 {
     struct addition addition = {.to = pivots ? panel->value : front->stack + node->update,
-                                .lead_to = pivots ? panel->lead : panel->lead_update,
+                                .lead_to = pivots ? panel->lead : 0,
+                                .rows_to = panel->rows - panel->pivots,
                                 .base = pivots ? 0 : panel->pivots};
     for (uint32_t i = node->first_child; i != NONE; i = front->node[i].next_child) {
         const struct node *child = front->node + i;
         const struct run *run = front->run + child->first_run, *end = run + child->runs;
         addition.from = front->stack + child->update;
-        addition.lead_from = panel_of(front, i).lead_update;
+        addition.rows_from = pad(child->below, STRIP);
         for (; run < end; run++)
             if ((run->to < panel->pivots) == pivots)
                 front->kernels->add(run, end, &addition);

@@ -143,13 +143,15 @@ TARGET static size_t KERNEL(factorise_panel)(const struct panel *panel)
     return panel->columns;
 }
 
-inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, const int w, float *to)
+inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, const int w, float *update)
 {
+    const size_t rows = panel->rows - panel->pivots, first = k / STRIP * STRIP;
     const float *below = panel->value + panel->pivots;
-    for (size_t i = k / STRIP * STRIP; i < panel->rows - panel->pivots; i += STRIP) {
+    float *to = update + update_column(rows, k);
+    for (size_t i = first; i < rows; i += STRIP) {
         VECTOR tile[WIDE][PARTS] = {{{0}}};
         KERNEL(subtract)(tile, w, below + i, below + k, panel->lead, panel->columns);
-        KERNEL(store)(tile, w, to + k * panel->lead_update + i, panel->lead_update);
+        KERNEL(store)(tile, w, to + i, rows - first);
     }
 }
 
@@ -174,26 +176,27 @@ TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *upda
         }
 }
 
-/* Adds `length` rows of three columns. */
-inlined void KERNEL(add_rows)(float *to, size_t lead_to, const float *from, size_t lead_from, size_t length)
+/* Adds `length` rows of three columns from row_from on to those from row_to on. */
+inlined void KERNEL(add_rows)(float *const to[3], size_t row_to, const float *const from[3], size_t row_from,
+                              size_t length)
 {
     size_t i = 0;
     for (; i + LANES <= length; i += LANES)
 #pragma GCC unroll 3
         for (size_t c = 0; c < 3; c++)
-            *(LOOSE *)(to + c * lead_to + i) += *(const LOOSE *)(from + c * lead_from + i);
+            *(LOOSE *)(to[c] + row_to + i) += *(const LOOSE *)(from[c] + row_from + i);
 #if LANES == 16
     const __mmask16 rest = (__mmask16)((1u << (length - i)) - 1);
 #pragma GCC unroll 3
     for (size_t c = 0; c < 3 && rest; c++) {
-        __m512 a = _mm512_maskz_loadu_ps(rest, to + c * lead_to + i);
-        __m512 b = _mm512_maskz_loadu_ps(rest, from + c * lead_from + i);
-        _mm512_mask_storeu_ps(to + c * lead_to + i, rest, _mm512_add_ps(a, b));
+        __m512 a = _mm512_maskz_loadu_ps(rest, to[c] + row_to + i);
+        __m512 b = _mm512_maskz_loadu_ps(rest, from[c] + row_from + i);
+        _mm512_mask_storeu_ps(to[c] + row_to + i, rest, _mm512_add_ps(a, b));
     }
 #else
     for (; i < length; i++)
         for (size_t c = 0; c < 3; c++)
-            to[c * lead_to + i] += from[c * lead_from + i];
+            to[c][row_to + i] += from[c][row_from + i];
 #endif
 }
 
@@ -201,17 +204,22 @@ inlined void KERNEL(add_rows)(float *to, size_t lead_to, const float *from, size
 TARGET static void KERNEL(add_run)(const struct run *run, const struct run *end,
                                    const struct addition *addition)
 {
-    const size_t lead_from = addition->lead_from, lead_to = addition->lead_to, base = addition->base;
+    const size_t base = addition->base, lead_to = addition->lead_to;
     for (size_t j = 0; j < run->length; j += 3) {
-        const float *from = addition->from + (run->from + j) * lead_from;
-        float *to = addition->to + (run->to + j - base) * lead_to;
+        const float *from[3];
+        float *to[3];
         size_t row_from = run->from + j, row_to = run->to + j - base;
+        for (size_t c = 0; c < 3; c++) {
+            from[c] = addition->from + update_column(addition->rows_from, row_from + c);
+            to[c] = addition->to +
+                    (lead_to ? (row_to + c) * lead_to : update_column(addition->rows_to, row_to + c));
+        }
         for (size_t c = 0; c < 3; c++)
             for (size_t r = c; r < 3; r++)
-                to[c * lead_to + row_to + r] += from[c * lead_from + row_from + r];
-        KERNEL(add_rows)(to + row_to + 3, lead_to, from + row_from + 3, lead_from, run->length - j - 3);
+                to[c][row_to + r] += from[c][row_from + r];
+        KERNEL(add_rows)(to, row_to + 3, from, row_from + 3, run->length - j - 3);
         for (const struct run *other = run + 1; other < end; other++)
-            KERNEL(add_rows)(to + other->to - base, lead_to, from + other->from, lead_from, other->length);
+            KERNEL(add_rows)(to, other->to - base, from, other->from, other->length);
     }
 }
 

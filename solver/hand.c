@@ -57,6 +57,7 @@ static bool start_helper(drape_processors *processors)
     pthread_cond_init(&helper->called, NULL);
     pthread_cond_init(&helper->done, NULL);
     if (pthread_create(&helper->thread, NULL, help, helper) == 0) {
+        pthread_setname_np(helper->thread, "drape-helper");
         processors->helpers++;
         return true;
     }
