@@ -48,6 +48,8 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
     if (status >= 0 && plan->contact)
         status = dr_contact_new(plan->mesh, plan->body ? plan->body : scene->body, scene->bodies,
                                 &cloth->contact, reterr);
+    if (status >= 0 && cloth->contact)
+        dr_contact_lend(cloth->contact, plan->hand);
     if (status >= 0 && plan->friction && plan->contact)
         status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
     if (status >= 0 && plan->self)

@@ -12,6 +12,8 @@
  * add a few hundredths. */
 #define STEEPEST 1.25
 
+#define WORTH_SHARING 10000 /* distances: half of them take longer than waking somebody */
+
 /* A sample of a triangle besides its corners. */
 struct point {
     double share[3]; /* it moves with the corners' moves times these */
@@ -38,6 +40,10 @@ struct dr_contact {
     struct point *point;                               /* of all patterns in use */
     struct pattern pattern[DR_CONTACT_MAX_PIECES + 1]; /* by pieces; empty where not in use */
     size_t points, samples;                            /* of the patterns; of the cloth, nodes included */
+
+    /* For the distances, if they are worth sharing: the second half begins with these nodes and triangles. */
+    struct dr_hand *hand; /* NULL: they are not, or none is there */
+    size_t node_halfway, triangle_halfway, point_halfway;
 
     /* Where the cloth was last looked at: energy, Hessian, loads and gaps ask for one x after another. */
     bool looked;
@@ -123,6 +129,14 @@ static bool make_sights(struct dr_contact *contact)
     return contact->at && contact->sight;
 }
 
+static void find_halves(struct dr_contact *contact)
+{
+    contact->node_halfway = contact->mesh->nodes / 2;
+    contact->triangle_halfway = contact->mesh->triangles / 2;
+    for (size_t t = 0; t < contact->triangle_halfway; t++)
+        contact->point_halfway += contact->pattern[contact->pieces[t]].points;
+}
+
 /* ---- made and freed -------------------------------------------------------------------------- */
 
 drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *body, size_t bodies,
@@ -147,6 +161,7 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
         dr_contact_free(contact);
         return dr_out_of_memory(reterr);
     }
+    find_halves(contact);
     for (size_t b = 0; b < bodies; b++)
         contact->body[b] = body[b];
     for (size_t t = 0; t < mesh->triangles; t++) {
@@ -155,6 +170,11 @@ drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *b
     }
     *ret = contact;
     return DRAPE_OK;
+}
+
+void dr_contact_lend(struct dr_contact *contact, struct dr_hand *hand)
+{
+    contact->hand = contact->samples * contact->bodies < WORTH_SHARING ? NULL : hand;
 }
 
 struct dr_contact *dr_contact_free(struct dr_contact *contact)
@@ -235,16 +255,25 @@ static bool has_looked(const struct dr_contact *contact, const double *x)
            !memcmp(contact->at, x, 3 * contact->mesh->nodes * sizeof *x);
 }
 
-/* The distances of all samples at x: of the nodes, then of the triangles' points. */
-static const struct sight *look(struct dr_contact *contact, const double *x)
+/* For dr_hand_both. */
+struct looking {
+    const struct dr_contact *contact;
+    const double *x; /* 3*nodes */
+};
+
+static void look_half(void *data, int half)
 {
+    const struct looking *looking = data;
+    const struct dr_contact *contact = looking->contact;
     const struct dr_mesh *mesh = contact->mesh;
-    struct sight *sight = contact->sight;
-    if (has_looked(contact, x))
-        return contact->sight;
-    for (size_t v = 0; v < mesh->nodes; v++, sight += contact->bodies)
-        look_from(contact, x + 3 * v, sight);
-    for (size_t t = 0; t < mesh->triangles; t++) {
+    const double *x = looking->x;
+    size_t end = half ? mesh->nodes : contact->node_halfway;
+    for (size_t v = half ? contact->node_halfway : 0; v < end; v++)
+        look_from(contact, x + 3 * v, contact->sight + v * contact->bodies);
+    struct sight *sight =
+        contact->sight + (mesh->nodes + (half ? contact->point_halfway : 0)) * contact->bodies;
+    end = half ? mesh->triangles : contact->triangle_halfway;
+    for (size_t t = half ? contact->triangle_halfway : 0; t < end; t++) {
         const struct pattern *pattern = contact->pattern + contact->pieces[t];
         for (const struct point *p = pattern->point; p < pattern->point + pattern->points; p++) {
             double at[3];
@@ -253,7 +282,15 @@ static const struct sight *look(struct dr_contact *contact, const double *x)
             sight += contact->bodies;
         }
     }
-    memcpy(contact->at, x, 3 * mesh->nodes * sizeof *x);
+}
+
+/* The distances of all samples at x: of the nodes, then of the triangles' points. */
+static const struct sight *look(struct dr_contact *contact, const double *x)
+{
+    if (has_looked(contact, x))
+        return contact->sight;
+    dr_hand_both(contact->hand, look_half, &(struct looking){contact, x});
+    memcpy(contact->at, x, 3 * contact->mesh->nodes * sizeof *x);
     contact->moves = count_moves(contact);
     contact->looked = true;
     return contact->sight;

@@ -18,6 +18,7 @@
 #define DR_CONTACT_H
 
 #include "body.h"
+#include "hand.h"
 #include "matrix.h"
 #include "mesh.h"
 
@@ -41,6 +42,10 @@ struct dr_penalty dr_penalty(double stiffness, double offset, double depth);
  * outlive the contact. */
 drape_status dr_contact_new(const struct dr_mesh *mesh, struct dr_body *const *body, size_t bodies,
                             struct dr_contact **ret, drape_error *reterr);
+
+/* Whence a processor is borrowed for half of the distances from now on; NULL: nowhere. */
+void dr_contact_lend(struct dr_contact *contact, struct dr_hand *hand);
+
 struct dr_contact *dr_contact_free(struct dr_contact *contact); /* NULL is fine; returns NULL */
 size_t dr_contact_bytes(const struct dr_contact *contact);
 

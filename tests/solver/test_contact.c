@@ -197,6 +197,39 @@ static void test_contact__each_body_acts_at_its_own_offset(void **state)
     dr_mesh_free(mesh);
 }
 
+/* With one body there are too few distances to share, with two enough. */
+static void test_contact__a_second_processor_changes_no_byte(void **state)
+{
+    (void)state;
+    struct dr_mesh *mesh = square_mesh(51, 0.48);
+    struct dr_body *body[] = {make_sphere_mesh(0.2, 0.004), make_body(ground)};
+    struct dr_hand hand = {.processors = drape_processors_new(2)};
+    assert_non_null(hand.processors);
+    double *x = place(mesh, 0.48, 0.003, 0.01), *g[2];
+    for (size_t bodies = 1; bodies <= 2; bodies++) {
+        double energy[2];
+        for (int lent = 0; lent < 2; lent++) {
+            struct dr_contact *contact = make_contact(mesh, body, bodies);
+            dr_contact_lend(contact, lent ? &hand : NULL);
+            g[lent] = calloc(3 * mesh->nodes, sizeof *g[lent]);
+            assert_non_null(g[lent]);
+            energy[lent] = dr_contact_energy(contact, x, g[lent]);
+            assert_true(energy[lent] > 0);
+            dr_contact_free(contact);
+        }
+        assert_true(energy[0] == energy[1]);
+        assert_memory_equal(g[0], g[1], 3 * mesh->nodes * sizeof *x);
+        free(g[0]);
+        free(g[1]);
+        assert_true((hand.seconds > 0) == (bodies == 2));
+    }
+    free(x);
+    drape_processors_free(hand.processors);
+    dr_body_free(body[0]);
+    dr_body_free(body[1]);
+    dr_mesh_free(mesh);
+}
+
 /* Distances are kept from one call to the next: they must be those of this x and of where the body is now. */
 static void test_contact__what_is_kept_is_of_this_place_and_posture(void **state)
 {
@@ -742,6 +775,7 @@ int main(void)
         cmocka_unit_test(test_contact__long_triangles_are_sampled_like_short_ones),
         cmocka_unit_test(test_contact__nothing_comes_through_between_the_corners),
         cmocka_unit_test(test_contact__each_body_acts_at_its_own_offset),
+        cmocka_unit_test(test_contact__a_second_processor_changes_no_byte),
         cmocka_unit_test(test_contact__what_is_kept_is_of_this_place_and_posture),
         cmocka_unit_test(test_contact__without_bodies_there_is_nothing),
         cmocka_unit_test(test_contact__every_allocation_may_fail),
