@@ -65,6 +65,8 @@
 #define CAUTIOUS      20  /* iterations with H+ alone after it */
 #define MOST_BITES    3
 #define MOST_ATTEMPTS 8 /* at a factor */
+#define MOST_NOISY    8 /* Newton steps in a row whose decrease is below round-off; */
+#define NOISY_GAIN    2 /* they divide the force by more, or that is round-off, too */
 
 /* With bodies */
 #define MOST_ROUNDS   3    /* of looking again at which gaps the step closes */
@@ -573,10 +575,29 @@ static void begin(struct dr_state *s)
     s->lowest = s->lowest_force = INFINITY;
 }
 
+/* Whether the last MOST_NOISY steps, all of them Newton's with the true Hessian, promised less than rounding
+ * hides of an energy and the force did not care: then it is nothing but round-off. */
+static bool at_round_off(struct dr_state *s)
+{
+    bool noise = s->row.iteration && s->whole && !dr_cloth_has_anchors(s->cloth) && /* which move the force */
+                 fabs(s->predicted) < noise_of(s);
+    s->noisy = noise ? s->noisy + 1 : 0;
+    if (s->noisy <= 1)
+        s->noisy_force = s->row.residual_force;
+    if (s->noisy <= MOST_NOISY)
+        return false;
+    s->noisy = 0;
+    return s->row.residual_force * NOISY_GAIN > s->noisy_force;
+}
+
 static drape_status assess(struct dr_state *s, drape_error *reterr)
 {
     if (!s->row.iteration)
         begin(s);
+    if (at_round_off(s)) {
+        s->gave_up = "the residual force is round-off, and above the tolerance";
+        return DRAPE_OK;
+    }
     drape_status status = find_step(s, reterr);
     if (status < 0 || s->gave_up)
         return status;

@@ -71,6 +71,8 @@ struct dr_state { /* arrays are 3*nodes */
     double lowest, lowest_force; /* potential (J) and residual force so far, and the iteration that last */
     uint32_t lowest_at;          /* brought either down */
     unsigned bites;              /* of the watchdog */
+    unsigned noisy;              /* steps in a row whose decrease rounding hides, */
+    double noisy_force;          /* and the residual force before the first */
 };
 
 extern const struct dr_method dr_backward_euler, dr_bdf2, dr_implicit_midpoint, dr_quasi_static, dr_rk4,

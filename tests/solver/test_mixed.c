@@ -181,11 +181,35 @@ static void test_mixed__a_limp_cloth_takes_one_solve_in_double_and_few_in_single
     release(&e);
 }
 
+/* A tolerance that no force in doubles comes to: the run says so soon, and its state is as good as it gets. */
+static void test_mixed__a_force_that_is_round_off_ends_the_run(void **state)
+{
+    (void)state;
+    struct setup *setup = setup_new(grid_new(GRID_DELAUNAY, 12, 12, 0.3, 0.3, 0), isotropic(0.1, 1000, 1e-5));
+    pin_columns(setup, 2);
+    drape_options options = drape_options_default();
+    drape_scene *scene;
+    drape_sim *sim;
+    options.tolerance = 1e-15;
+    assert_int_equal(drape_scene_new(&setup->desc, &scene, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_new(scene, &options, &sim, NULL), DRAPE_OK);
+    assert_int_equal(drape_sim_run(sim, NULL), DRAPE_NOT_AT_REST);
+    const drape_report *report = drape_sim_report(sim);
+    print_message("  %u iterations, force %.1e\n", report->iterations, report->state.residual_force);
+    assert_string_equal(report->reason, "the residual force is round-off, and above the tolerance");
+    assert_true(report->iterations < 50);
+    assert_true(report->state.residual_force < 1e-8);
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+    setup_free(setup);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_mixed__steps_from_hinges_are_those_of_a_factor_with_all_of_the_bending),
         cmocka_unit_test(test_mixed__what_hinges_alone_hold_up_is_told_to_buckle),
+        cmocka_unit_test(test_mixed__a_force_that_is_round_off_ends_the_run),
         cmocka_unit_test(test_mixed__a_limp_cloth_takes_one_solve_in_double_and_few_in_single),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -697,8 +697,9 @@ static void test_sim__iterations_allocate_nothing_of_their_own(void **state)
         e.options.tolerance = 1e-300;
         drape_scene *scene;
         drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
-        assert_int_equal(drape_sim_report(sim)->iterations, 60);
-        for (int i = 3; i < 60; i++)
+        uint32_t iterations = drape_sim_report(sim)->iterations; /* auto finds that the force is round-off */
+        assert_true(way[k].method == DRAPE_METHOD_AUTO ? iterations > 20 : iterations == 60);
+        for (uint32_t i = 3; i < iterations; i++)
             assert_in_range(at[i] - at[i - 1], 0, way[k].workspaces);
         drape_sim_free(sim);
         drape_scene_free(scene);
