@@ -26,6 +26,9 @@
 /* Who does what: nodes of the two shares have their descendants in the same one. */
 enum share { LEFT, RIGHT, TOP, SHARES };
 
+#define CHUNK      96  /* columns of a node of the top, after which rows are shared; a multiple of STRIP */
+#define LEAST_ROWS 1e6 /* multiplications that are worth it */
+
 /* To cut the tree: */
 #define MOST_SUBTREES 64
 #define SOLVES        500 /* operations for an entry of the factor, for the eight back-solves to a factorisation */
@@ -69,8 +72,8 @@ struct addition {
 
 struct kernels {
     const char *name;
-    size_t (*factorise)(
-        const struct panel *panel); /* columns done; all but `columns`: a pivot is too small */
+    size_t (*factorise)(const struct panel *panel, size_t from, size_t to);
+    void (*divide)(const struct panel *panel, size_t from, size_t to, size_t first, size_t end);
     void (*multiply)(const struct panel *panel, float *update);
     void (*forward)(const struct panel *panel, float *x);
     void (*backward)(const struct panel *panel, float *x);
@@ -622,15 +625,50 @@ static enum dr_front_result judge(struct dr_front *front, size_t i, size_t colum
     return curves_down(front) ? DR_FRONT_INDEFINITE : DR_FRONT_UNCERTAIN;
 }
 
-/* Returns the columns done: all, or that of the first pivot that is too small. */
-static size_t factorise_node(const struct dr_front *front, size_t i)
+/* For dr_hand_both: the rows from `first` on of columns that are done above. */
+struct division {
+    const struct dr_front *front;
+    const struct panel *panel;
+    size_t from, to; /* columns */
+    size_t first;
+};
+
+static void divide_half(void *data, int half)
+{
+    const struct division *work = data;
+    size_t middle = work->first + pad((work->panel->rows - work->first) / 2, STRIP);
+    work->front->kernels->divide(work->panel, work->from, work->to, half ? middle : work->first,
+                                 half ? work->panel->rows : middle);
+}
+
+/* Returns the columns done: all, or that of the first pivot that is too small. hand: NULL where nothing is to
+ * be shared. */
+static size_t factorise_panel(const struct dr_front *front, struct dr_hand *hand, const struct panel *panel)
+{
+    size_t step = hand ? CHUNK : panel->columns;
+    for (size_t from = 0, to; from < panel->columns; from = to) {
+        to = from + step < panel->columns ? from + step : panel->columns;
+        size_t done = front->kernels->factorise(panel, from, to);
+        if (done < to)
+            return done;
+        struct division work = {front, panel, from, to, pad(to, STRIP)};
+        if (hand && (double)(panel->rows - work.first) * (double)(step * to) >= LEAST_ROWS)
+            dr_hand_both(hand, divide_half, &work);
+        else
+            front->kernels->divide(panel, from, to, work.first, panel->rows);
+    }
+    return panel->columns;
+}
+
+/* Returns as factorise_panel does. */
+static size_t factorise_node(const struct dr_front *front, struct dr_hand *hand, size_t i)
 {
     const struct node *node = front->node + i;
     struct panel panel = panel_of(front, i);
     clear(node, &panel);
     assemble(front, node, &panel);
     add_children(front, node, &panel, true);
-    size_t done = front->kernels->factorise(&panel);
+    size_t done = factorise_panel(front, hand, &panel);
     if (done < panel.columns)
         return done;
     front->kernels->multiply(&panel, front->stack + node->update);
@@ -646,6 +684,7 @@ struct stop {
 
 struct factorisation {
     const struct dr_front *front;
+    struct dr_hand *hand;
     struct stop stop[SHARES];
     atomic_bool left_stopped; /* then the right one is not looked at */
 };
@@ -662,7 +701,7 @@ static void factorise_share(void *data, int share)
             continue;
         if (share == RIGHT && atomic_load_explicit(&work->left_stopped, memory_order_relaxed))
             return;
-        size_t done = factorise_node(front, i);
+        size_t done = factorise_node(front, share == TOP ? work->hand : NULL, i);
         if (done < pad(node->columns, 4)) {
             *stop = (struct stop){i, done};
             break;
@@ -674,7 +713,7 @@ static void factorise_share(void *data, int share)
 
 enum dr_front_result dr_front_factorise(struct dr_front *front, struct dr_hand *hand)
 {
-    struct factorisation work = {.front = front};
+    struct factorisation work = {.front = front, .hand = hand};
     enum dr_front_result result = find_scales(front);
     if (result != DR_FRONT_DONE)
         return result;

@@ -90,8 +90,8 @@ inlined void KERNEL(put)(float L[][STRIP], const int w, size_t at, float *strip,
     }
 }
 
-/* Columns k .. k + w - 1, those before them being done; returns as factorise_block does. */
-inlined int KERNEL(factorise_columns)(const struct panel *panel, size_t k, const int w)
+/* Columns k .. k + w - 1 down to row `end`, those before them being done; returns as factorise_block does. */
+inlined int KERNEL(factorise_columns)(const struct panel *panel, size_t k, size_t end, const int w)
 {
     _Alignas(64) float L[WIDE][STRIP] = {{0}};
     VECTOR tile[WIDE][PARTS];
@@ -110,7 +110,7 @@ inlined int KERNEL(factorise_columns)(const struct panel *panel, size_t k, const
         KERNEL(store)(tile, w, column + first, lead);
     }
     KERNEL(put)(L, w, at, column + first, lead);
-    for (size_t i = first + STRIP; i < panel->rows && done == w; i += STRIP) {
+    for (size_t i = first + STRIP; i < end && done == w; i += STRIP) {
         KERNEL(load)(tile, w, column + i, lead);
         KERNEL(subtract)(tile, w, panel->value + i, rows, lead, k);
         KERNEL(divide)(tile, w, L, inverse);
@@ -119,31 +119,57 @@ inlined int KERNEL(factorise_columns)(const struct panel *panel, size_t k, const
     return done;
 }
 
-TARGET static size_t KERNEL(factorise_panel)(const struct panel *panel)
+/* The strips from row `first` to row `end` of columns k .. k + w - 1, which are done above. */
+inlined void KERNEL(divide_columns)(const struct panel *panel, size_t k, size_t first, size_t end,
+                                    const int w)
 {
-    for (size_t k = 0, done = 0; k < panel->columns; k += WIDE) {
-        switch (panel->columns - k) {
-#if WIDE == 16
-        case 4:
-            done = (size_t)KERNEL(factorise_columns)(panel, k, 4);
-            break;
-        case 8:
-            done = (size_t)KERNEL(factorise_columns)(panel, k, 8);
-            break;
-        case 12:
-            done = (size_t)KERNEL(factorise_columns)(panel, k, 12);
-            break;
-#endif
-        default:
-            done = (size_t)KERNEL(factorise_columns)(panel, k, WIDE);
-        }
-        if (done < WIDE && k + done < panel->columns)
-            return k + done;
+    float L[WIDE][STRIP];
+    VECTOR tile[WIDE][PARTS];
+    const size_t lead = panel->lead;
+    float *column = panel->value + k * lead;
+    for (int j = 0; j < w; j++)
+        memcpy(L[j], column + (size_t)j * lead + k, (size_t)w * sizeof(float));
+    for (size_t i = first; i < end; i += STRIP) {
+        KERNEL(load)(tile, w, column + i, lead);
+        KERNEL(subtract)(tile, w, panel->value + i, panel->value + k, lead, k);
+        KERNEL(divide)(tile, w, L, panel->inverse + k);
+        KERNEL(store)(tile, w, column + i, lead);
     }
-    return panel->columns;
 }
 
-inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, const int w, float *update)
+/* Calls f(..., w) with the width w, known when it is compiled, of the next columns of those `left`. */
+#if WIDE == 16
+#define WITH_WIDTH(left, f, ...)                                                                             \
+    ((left) == 4    ? KERNEL(f)(__VA_ARGS__, 4)                                                              \
+     : (left) == 8  ? KERNEL(f)(__VA_ARGS__, 8)                                                              \
+     : (left) == 12 ? KERNEL(f)(__VA_ARGS__, 12)                                                             \
+                    : KERNEL(f)(__VA_ARGS__, 16))
+#else
+#define WITH_WIDTH(left, f, ...) KERNEL(f)(__VA_ARGS__, WIDE)
+#endif
+
+/* Columns from .. to - 1 of the pivots down to row to - 1, those before them being done; `from` is a multiple
+ * of STRIP, and `to` one or `columns`. Returns `to` or the column before which it stopped. */
+TARGET static size_t KERNEL(factorise_panel)(const struct panel *panel, size_t from, size_t to)
+{
+    const size_t end = (to + STRIP - 1) / STRIP * STRIP;
+    for (size_t k = from; k < to; k += WIDE) {
+        size_t done = (size_t)WITH_WIDTH(to - k, factorise_columns, panel, k, end);
+        if (done < WIDE && k + done < to)
+            return k + done;
+    }
+    return to;
+}
+
+/* The same columns from row `first` to row `end`, multiples of STRIP. */
+TARGET static void KERNEL(divide_panel)(const struct panel *panel, size_t from, size_t to, size_t first,
+                                        size_t end)
+{
+    for (size_t k = from; k < to; k += WIDE)
+        WITH_WIDTH(to - k, divide_columns, panel, k, first, end);
+}
+
+inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, float *update, const int w)
 {
     const size_t rows = panel->rows - panel->pivots, first = k / STRIP * STRIP;
     const float *below = panel->value + panel->pivots;
@@ -159,21 +185,7 @@ inlined void KERNEL(multiply_columns)(const struct panel *panel, size_t k, const
 TARGET static void KERNEL(multiply_panel)(const struct panel *panel, float *update)
 {
     for (size_t k = 0; k < panel->updates; k += WIDE)
-        switch (panel->updates - k) {
-#if WIDE == 16
-        case 4:
-            KERNEL(multiply_columns)(panel, k, 4, update);
-            break;
-        case 8:
-            KERNEL(multiply_columns)(panel, k, 8, update);
-            break;
-        case 12:
-            KERNEL(multiply_columns)(panel, k, 12, update);
-            break;
-#endif
-        default:
-            KERNEL(multiply_columns)(panel, k, WIDE, update);
-        }
+        WITH_WIDTH(panel->updates - k, multiply_columns, panel, k, update);
 }
 
 /* Adds `length` rows of three columns from row_from on to those from row_to on. */
@@ -295,13 +307,18 @@ TARGET static void KERNEL(backward)(const struct panel *panel, float *x)
     }
 }
 
-static const struct kernels KERNEL(kernels) = {
-    NAME,           KERNEL(factorise_panel), KERNEL(multiply_panel), KERNEL(forward), KERNEL(backward),
-    KERNEL(add_run)};
+static const struct kernels KERNEL(kernels) = {NAME,
+                                               KERNEL(factorise_panel),
+                                               KERNEL(divide_panel),
+                                               KERNEL(multiply_panel),
+                                               KERNEL(forward),
+                                               KERNEL(backward),
+                                               KERNEL(add_run)};
 
 #undef VECTOR
 #undef LOOSE
 #undef PARTS
+#undef WITH_WIDTH
 #undef inlined
 #undef LANES
 #undef WIDE

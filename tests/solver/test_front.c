@@ -296,6 +296,8 @@ static void test_front__a_second_processor_changes_no_byte(void **state)
     struct dr_front *front = dr_front_new(grid->A, grid->L);
     struct dr_hand hand = {.processors = drape_processors_new(2)};
     assert_non_null(hand.processors);
+    const struct node *root = front->node + front->nodes - 1; /* wide enough for its own rows to be shared */
+    assert_true(root->share == TOP && (root->columns - CHUNK) * CHUNK * CHUNK > LEAST_ROWS);
     double entries[SHARES] = {0};
     for (size_t i = 0; i < front->nodes; i++)
         entries[front->node[i].share] +=
