@@ -3,7 +3,7 @@
 # comparison of each scene (its page shows error against run time) and its jobs' reports in build/bench/, the tables in
 # build/bench.md, and the same as a page in build/bench.html.
 #   SCENES='square-5000-* shirt'   only those of: square-{5000,20000,60000,200000}-{10,1000,10000} (triangles, N/m)
-#                                  wrinkles-{20000,100000} shirt skirt8 dress; workers: two jobs beside each other;
+#                                  wrinkles-{20000,100000} shirt skirt8 dress; workers: jobs alone and beside each other;
 #                                  blender: its cloth on a square of 19 200 (installs Debian's blender)
 #   METHODS='auto dynamic'         (auto stop-and-go:stop_on=potential dynamic newton:line_search=true)
 #   TIME_LIMIT=60                  seconds of a run               (300)
@@ -75,21 +75,25 @@ run_garment() { # run_garment NAME: as in garments.sh
     solve "$1" "$work/job" "$(triangles_of "$work/job")"
 }
 
-# Four jobs alike on one worker and on two. A job uses one processor, so there is no job on two to compare with.
+# One job on one worker and on two, of which it borrows the other's processor; then four jobs alike. From the first one's
+# beginning to the last one's end.
 run_workers() {
     is_wanted workers || return 0
-    local workers began id ids
-    build/drape example square --triangles 20000 | jq -c '.solver = {tolerance: 1e-3}' >"$work/job"
+    local workers jobs id ids
+    build/drape example square --triangles 60000 | jq -c '.solver = {tolerance: 1e-3}' >"$work/job"
     for workers in 1 2; do
         stop_daemon
         start_daemon "$workers"
-        say "four jobs on $workers workers"
-        ids=()
-        began=$EPOCHREALTIME
-        for _ in 1 2 3 4; do ids+=("$(build/drape submit "$work/job" -q --json | jq -r .id)"); done
-        for id in "${ids[@]}"; do build/drape watch "$id" -q >"$work/said"; done
-        jq -cn --argjson workers "$workers" --argjson began "$began" --argjson ended "$EPOCHREALTIME" \
-            '{$workers, seconds: ($ended - $began)}' >>"$work/workers"
+        for jobs in 1 4; do
+            say "$jobs jobs on $workers workers"
+            ids=()
+            for ((i = 0; i < jobs; i++)); do ids+=("$(build/drape submit "$work/job" -q --json | jq -r .id)"); done
+            for id in "${ids[@]}"; do build/drape watch "$id" -q >"$work/said"; done
+            for id in "${ids[@]}"; do curl -sSf "$url/v1/jobs/$id"; done | jq -cs --argjson workers "$workers" '
+                def seconds: (.[:19] + "Z" | fromdateiso8601) + (.[19:-1] | if . == "" then 0 else "0" + . | tonumber end);
+                {$workers, jobs: length, seconds: ((map(.finished_at | seconds) | max) - (map(.started_at | seconds) | min))}' \
+                >>"$work/workers"
+        done
     done
     stop_daemon
     start_daemon
