@@ -41,8 +41,8 @@ struct dr_contact {
     struct pattern pattern[DR_CONTACT_MAX_PIECES + 1]; /* by pieces; empty where not in use */
     size_t points, samples;                            /* of the patterns; of the cloth, nodes included */
 
-    /* For the distances, if they are worth sharing: the second half begins with these nodes and triangles. */
-    struct dr_hand *hand; /* NULL: they are not, or none is there */
+    /* For distances and clipping: the second half begins with these nodes and triangles. */
+    struct dr_hand *hand; /* NULL: they are not worth sharing, or nobody lends */
     size_t node_halfway, triangle_halfway, point_halfway;
 
     /* Where the cloth was last looked at: energy, Hessian, loads and gaps ask for one x after another. */
@@ -587,24 +587,43 @@ static double walk_all(const struct dr_contact *contact, const struct sight *sig
     return allowed;
 }
 
-size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double *w, double depth)
+/* For dr_hand_both. */
+struct clipping {
+    const struct dr_contact *contact;
+    const struct sight *sight; /* at x; NULL: not known */
+    const double *x;
+    double *w, depth;
+    size_t shortened[2]; /* of each half */
+};
+
+static void clip_half(void *data, int half)
 {
-    size_t shortened = 0;
-    const struct sight *sight = has_looked(contact, x) ? contact->sight : NULL;
-    assert(depth > 0);
-    for (size_t v = 0; v < contact->mesh->nodes; v++) {
-        double *move = w + 3 * v;
+    struct clipping *clipping = data;
+    const struct dr_contact *contact = clipping->contact;
+    const struct sight *sight = clipping->sight;
+    size_t shortened = 0, end = half ? contact->mesh->nodes : contact->node_halfway;
+    for (size_t v = half ? contact->node_halfway : 0; v < end; v++) {
+        double *move = clipping->w + 3 * v;
         if (move[0] == 0 && move[1] == 0 && move[2] == 0)
             continue;
-        double allowed =
-            walk_all(contact, sight ? sight + v * contact->bodies : NULL, x + 3 * v, move, depth);
+        double allowed = walk_all(contact, sight ? sight + v * contact->bodies : NULL, clipping->x + 3 * v,
+                                  move, clipping->depth);
         if (allowed < 1) {
             shortened++;
             for (int d = 0; d < 3; d++)
                 move[d] *= allowed;
         }
     }
-    return shortened;
+    clipping->shortened[half] = shortened;
+}
+
+size_t dr_contact_clip(const struct dr_contact *contact, const double *x, double *w, double depth)
+{
+    const struct sight *sight = has_looked(contact, x) ? contact->sight : NULL;
+    struct clipping clipping = {contact, sight, x, w, depth, {0, 0}};
+    assert(depth > 0);
+    dr_hand_both(contact->hand, clip_half, &clipping);
+    return clipping.shortened[0] + clipping.shortened[1];
 }
 
 uint32_t dr_contact_penetrations(const struct dr_contact *contact, const double *x, double *ret_deepest,

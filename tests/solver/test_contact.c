@@ -205,22 +205,32 @@ static void test_contact__a_second_processor_changes_no_byte(void **state)
     struct dr_body *body[] = {make_sphere_mesh(0.2, 0.004), make_body(ground)};
     struct dr_hand hand = {.processors = drape_processors_new(2)};
     assert_non_null(hand.processors);
-    double *x = place(mesh, 0.48, 0.003, 0.01), *g[2];
+    double *x = place(mesh, 0.48, 0.003, 0.01), *g[2], *w[2];
     for (size_t bodies = 1; bodies <= 2; bodies++) {
         double energy[2];
+        size_t clipped[2];
         for (int lent = 0; lent < 2; lent++) {
             struct dr_contact *contact = make_contact(mesh, body, bodies);
             dr_contact_lend(contact, lent ? &hand : NULL);
             g[lent] = calloc(3 * mesh->nodes, sizeof *g[lent]);
+            w[lent] = calloc(3 * mesh->nodes, sizeof *w[lent]);
             assert_non_null(g[lent]);
+            assert_non_null(w[lent]);
             energy[lent] = dr_contact_energy(contact, x, g[lent]);
             assert_true(energy[lent] > 0);
+            for (size_t i = 0; i < 3 * mesh->nodes; i++)
+                w[lent][i] = i % 3 < 2 ? -0.02 : 0;
+            clipped[lent] = dr_contact_clip(contact, x, w[lent], 0.002);
             dr_contact_free(contact);
         }
         assert_true(energy[0] == energy[1]);
         assert_memory_equal(g[0], g[1], 3 * mesh->nodes * sizeof *x);
-        free(g[0]);
-        free(g[1]);
+        assert_memory_equal(w[0], w[1], 3 * mesh->nodes * sizeof *x);
+        assert_true(clipped[0] > mesh->nodes / 100 && clipped[0] == clipped[1]);
+        for (int lent = 0; lent < 2; lent++) {
+            free(g[lent]);
+            free(w[lent]);
+        }
         assert_true((hand.seconds > 0) == (bodies == 2));
     }
     free(x);
