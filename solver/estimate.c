@@ -17,14 +17,14 @@ struct fill {
     double c;
     int power;
 };
-static const struct fill open_hinges = {385, 1}; /* 358 to 450; in single precision: of auto, and to sew */
-static const struct fill sewn_hinges = {520, 1}; /* 477 to 617 */
-static const struct fill open_whole = {90, 2};   /* 80 to 110; with all of bending, in double */
-static const struct fill even_whole = {65, 2};   /* 58 to 80; less where all triangles are alike */
-static const struct fill even_sewn = {850, 1};   /* 770 to 960 */
-static const struct fill sewn_whole = {1420, 1}; /* 1200 to 1690 */
+static const struct fill open_hinges = {340, 1}; /* in single precision: of auto, and to sew */
+static const struct fill sewn_hinges = {465, 1};
+static const struct fill open_whole = {82, 2}; /* with all of bending, in double */
+static const struct fill even_whole = {59, 2}; /* less where all triangles are alike */
+static const struct fill even_sewn = {786, 1};
+static const struct fill sewn_whole = {1317, 1};
 #define LDL        1.22 /* times that: a simplicial factor stores its indices entry by entry */
-#define NOT_WELDED 0.88 /* times sewn_hinges, a vertex: springs for seams join fewer than welding */
+#define NOT_WELDED 0.91 /* times sewn_hinges, a vertex: springs for seams join fewer than welding */
 
 /* Bytes a triangle. */
 #define MESH      135.0

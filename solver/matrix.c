@@ -45,10 +45,10 @@ struct dr_matrix {
     struct slot *link;     /* links: their off-diagonal block */
     uint32_t *link_node;   /* 2*links */
     size_t links;
-    double *base;                         /* values of M/dt^2 + bending */
+    double *base;                         /* blocks: M/dt^2 + bending, each the unit matrix times that */
     double mass_factor;                   /* that base was made for; NAN: none yet */
     const struct dr_bend_stiffness *bend; /* NULL: none */
-    struct slot *bend_slot;               /* block of each of its entries */
+    uint32_t *bend_block;                 /* the block of each of its entries; DR_NONE: a held node's */
     cholmod_common common;
     enum dr_factor factor;
     double flops;   /* of one factorisation */
@@ -236,20 +236,14 @@ static bool build_columns(struct dr_matrix *A, const struct pairs *pairs)
 
 /* ---- slots -------------------------------------------------------------------------------------- */
 
-static struct slot find_slot(const struct dr_matrix *A, uint32_t node_row, uint32_t node_column)
+/* The block of a pair of nodes, or the last one before where it would be; DR_NONE: one of them is held. */
+static uint32_t find_block(const struct dr_matrix *A, uint32_t node_row, uint32_t node_column)
 {
-    uint32_t row = A->row[node_row], column = A->row[node_column];
-    if (row == DR_NONE || column == DR_NONE)
-        return (struct slot){0, 0};
-    unsigned transposed = row < column ? TRANSPOSED : 0;
-    if (transposed) {
-        uint32_t swap = row;
-        row = column;
-        column = swap;
-    }
+    uint32_t a = A->row[node_row], b = A->row[node_column];
+    if (a == DR_NONE || b == DR_NONE)
+        return DR_NONE;
+    uint32_t row = a < b ? b : a, column = a < b ? a : b;
     size_t low = A->block_start[column], high = A->block_start[column + 1];
-    unsigned length = 3 * (unsigned)(high - low);
-    size_t first = low;
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
         if (A->block_row[middle] <= row)
@@ -257,8 +251,20 @@ static struct slot find_slot(const struct dr_matrix *A, uint32_t node_row, uint3
         else
             high = middle;
     }
+    return (uint32_t)low;
+}
+
+static struct slot find_slot(const struct dr_matrix *A, uint32_t node_row, uint32_t node_column)
+{
+    uint32_t block = find_block(A, node_row, node_column);
+    if (block == DR_NONE)
+        return (struct slot){0, 0};
+    uint32_t row = A->row[node_row], column = A->row[node_column];
+    unsigned transposed = row < column ? TRANSPOSED : 0;
+    size_t low = transposed ? row : column, first = A->block_start[low];
     const int *p = A->A->p;
-    return (struct slot){p[3 * (size_t)column] + 3 * (int)(low - first), length | transposed};
+    return (struct slot){p[3 * low] + 3 * (int)(block - first),
+                         3 * (unsigned)(A->block_start[low + 1] - first) | transposed};
 }
 
 static size_t count_bends(const struct dr_matrix *A)
@@ -274,12 +280,12 @@ static bool build_slots(struct dr_matrix *A, const uint32_t *link, size_t links)
     A->links = links;
     A->diagonal = malloc(A->free * sizeof *A->diagonal);
     A->triangle = malloc(6 * mesh->triangles * sizeof *A->triangle);
-    A->base = malloc(A->A->nzmax * sizeof *A->base);
+    A->base = malloc(A->block_start[A->free] * sizeof *A->base);
     A->link = links ? malloc(links * sizeof *A->link) : NULL;
     A->link_node = links ? malloc(2 * links * sizeof *A->link_node) : NULL;
-    A->bend_slot = bends ? malloc(bends * sizeof *A->bend_slot) : NULL;
+    A->bend_block = bends ? malloc(bends * sizeof *A->bend_block) : NULL;
     if (!A->diagonal || !A->triangle || !A->base || (links && (!A->link || !A->link_node)) ||
-        (bends && !A->bend_slot))
+        (bends && !A->bend_block))
         return false;
 
     for (size_t j = 0; j < A->free; j++)
@@ -298,7 +304,7 @@ static bool build_slots(struct dr_matrix *A, const uint32_t *link, size_t links)
     }
     for (uint32_t j = 0; bends && j < mesh->nodes; j++)
         for (size_t i = bend->start[j]; i < bend->start[j + 1]; i++)
-            A->bend_slot[i] = find_slot(A, bend->row[i], j);
+            A->bend_block[i] = find_block(A, bend->row[i], j);
     return true;
 }
 
@@ -400,12 +406,12 @@ static void raze(struct dr_matrix *A)
     cholmod_free_dense(&A->w, &A->common);
     cholmod_free_dense(&A->e, &A->common);
     void *array[] = {A->row,      A->node, A->block_start, A->block_row, A->diagonal,
-                     A->triangle, A->link, A->link_node,   A->base,      A->bend_slot};
+                     A->triangle, A->link, A->link_node,   A->base,      A->bend_block};
     for (size_t i = 0; i < sizeof array / sizeof *array; i++)
         free(array[i]);
-    A->row = A->node = A->block_row = A->link_node = NULL;
+    A->row = A->node = A->block_row = A->link_node = A->bend_block = NULL;
     A->block_start = NULL;
-    A->diagonal = A->triangle = A->link = A->bend_slot = NULL;
+    A->diagonal = A->triangle = A->link = NULL;
     A->base = NULL;
 }
 
@@ -473,11 +479,12 @@ struct dr_matrix *dr_matrix_free(struct dr_matrix *A)
 
 size_t dr_matrix_bytes(const struct dr_matrix *A)
 {
-    size_t blocks = A->free ? A->block_start[A->free] : 0, entries = A->free ? A->A->nzmax : 0;
+    size_t blocks = A->free ? A->block_start[A->free] : 0;
     size_t own = sizeof *A + 2 * A->mesh->nodes * sizeof *A->row + (A->free + 1) * sizeof *A->block_start +
-                 blocks * sizeof *A->block_row + (A->free + 6 * A->mesh->triangles) * sizeof(struct slot) +
-                 A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) + entries * sizeof *A->base +
-                 count_bends(A) * sizeof(struct slot);
+                 blocks * (sizeof *A->block_row + sizeof *A->base) +
+                 (A->free + 6 * A->mesh->triangles) * sizeof(struct slot) +
+                 A->links * (sizeof(struct slot) + 2 * sizeof *A->link_node) +
+                 count_bends(A) * sizeof *A->bend_block;
     return A->front ? own + dr_front_bytes(A->front) + A->common.memory_inuse : own + A->common.memory_usage;
 }
 
@@ -581,23 +588,41 @@ static void add_diagonal(double *value, struct slot slot, double xx, double yx, 
     first[2 * length - 1] += zz;
 }
 
+/* Three scalar columns of such blocks, from `value` on; returns where they end. */
+static double *put_column(const double *scalar, size_t blocks, double *value)
+{
+#pragma GCC unroll 3
+    for (size_t c = 0; c < 3; c++) {
+        *value++ = scalar[0];
+        for (size_t r = c + 1; r < 3; r++)
+            *value++ = 0;
+        for (size_t k = 1; k < blocks; k++, value += 3) {
+            value[0] = value[1] = value[2] = 0;
+            value[c] = scalar[k];
+        }
+    }
+    return value;
+}
+
 void dr_matrix_set_base(struct dr_matrix *A, double mass_factor)
 {
     if (!A->free || mass_factor == A->mass_factor) /* a constant time step asks for the same at each step */
         return;
     A->mass_factor = mass_factor;
-    memset(A->base, 0, A->A->nzmax * sizeof *A->base);
+    memset(A->base, 0, A->block_start[A->free] * sizeof *A->base);
     for (size_t j = 0; j < A->free; j++)
-        add_scalar(A->base, A->diagonal[j], A->mesh->mass[A->node[j]] * mass_factor);
+        A->base[A->block_start[j]] += A->mesh->mass[A->node[j]] * mass_factor;
     for (size_t i = 0; i < count_bends(A); i++)
-        add_scalar(A->base, A->bend_slot[i], A->bend->value[i]);
+        if (A->bend_block[i] != DR_NONE)
+            A->base[A->bend_block[i]] += A->bend->value[i];
 }
 
 void dr_matrix_reset(struct dr_matrix *A)
 {
     A->in_doubt = false;
-    if (A->free)
-        memcpy(A->A->x, A->base, A->A->nzmax * sizeof *A->base);
+    double *value = A->free ? A->A->x : NULL;
+    for (size_t j = 0; j < A->free; j++)
+        value = put_column(A->base + A->block_start[j], A->block_start[j + 1] - A->block_start[j], value);
 }
 
 void dr_matrix_add_node(struct dr_matrix *A, uint32_t node, const double H[6])
@@ -643,13 +668,8 @@ void dr_matrix_add_triangles(struct dr_matrix *A, size_t t, size_t count, const 
 
 bool dr_matrix_has(const struct dr_matrix *A, uint32_t a, uint32_t b)
 {
-    uint32_t row = A->row[a], column = A->row[b];
-    if (row == DR_NONE || column == DR_NONE)
-        return true;
-    struct slot slot = find_slot(A, a, b);
-    int first = ((const int *)A->A->p)[3 * (size_t)(row < column ? row : column)];
-    size_t block = A->block_start[row < column ? row : column] + (size_t)(slot.at - first) / 3;
-    return A->block_row[block] == (row < column ? column : row);
+    uint32_t block = find_block(A, a, b), row = A->row[a], column = A->row[b];
+    return block == DR_NONE || A->block_row[block] == (row < column ? column : row);
 }
 
 void dr_matrix_add_between(struct dr_matrix *A, uint32_t a, uint32_t b, const double H[3][3])
