@@ -1,8 +1,9 @@
 /* jsonin.h - JSON text into a jansson tree: whole, or not at all.
  *
  * jansson 2.14's json_loadb is not used alone: its lexer leaves out a byte for which its buffer finds no room
- * and goes on (load.c, lex_save), so that short of memory it reads another text or number, or calls a token
- * wrong that is not. */
+ * and goes on (load.c, lex_save). Short of memory it reads another text or number, fails an assertion, or
+ * looks for the lost quote at the end of a text in whatever lies behind the buffer, which ends the process.
+ */
 #ifndef DRAPED_JSONIN_H
 #define DRAPED_JSONIN_H
 
