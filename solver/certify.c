@@ -393,8 +393,7 @@ static drape_status lend_matrix(struct dr_state *s, struct dr_cloth **ret_own, d
     return status;
 }
 
-/* `whole`: nothing failed on the way, or the matrix may be in pieces that cannot be counted. */
-static void take_back(struct dr_state *s, struct dr_cloth *own, bool whole)
+static void take_back(struct dr_state *s, struct dr_cloth *own)
 {
     size_t bytes[DR_TERMS] = {0}, held = 3 * own->mesh->nodes * sizeof(double);
     if (s->cloth != own) {
@@ -406,8 +405,7 @@ static void take_back(struct dr_state *s, struct dr_cloth *own, bool whole)
     for (int t = 0; t < DR_TERMS; t++)
         held += bytes[t];
     s->cloth = own;
-    if (whole)
-        dr_state_hold(s, DRAPE_PHASE_CERTIFYING, held);
+    dr_state_hold(s, DRAPE_PHASE_CERTIFYING, held);
 }
 
 /* What the certificate took is its own affair: the method's counts and times stay the method's. */
@@ -444,7 +442,7 @@ drape_status dr_certify(struct dr_state *s, bool *ret_escaped, drape_error *rete
         p.certificate->reason = "the iterations ran out below a saddle";
         p.escaped = false;
     }
-    take_back(s, own, status >= 0);
+    take_back(s, own);
     if (status >= 0 && p.escaped && s->method->matrix == DR_MATRIX_PRECONDITIONER)
         status = dr_cloth_make_exact(s->cloth, false, reterr);
     account(sim, began, stage, factors, solves, work);

@@ -396,7 +396,7 @@ static drape_status build(struct dr_matrix *A, const uint32_t *link, size_t link
     return built && build_front(A) ? DRAPE_OK : dr_out_of_memory(reterr);
 }
 
-/* Frees what build made. */
+/* Frees what build made; what is left is a matrix of no free node. */
 static void raze(struct dr_matrix *A)
 {
     A->front = dr_front_free(A->front);
@@ -413,6 +413,7 @@ static void raze(struct dr_matrix *A)
     A->block_start = NULL;
     A->diagonal = A->triangle = A->link = NULL;
     A->base = NULL;
+    A->free = A->links = 0;
 }
 
 drape_status dr_matrix_new(const struct dr_mesh *mesh, const struct dr_bend_stiffness *bend,
@@ -456,7 +457,9 @@ drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t 
     raze(A);
     drape_status status = build(A, joined, named + links, named, NULL, reterr);
     free(joined);
-    if (status >= 0 && !isnan(mass_factor))
+    if (status < 0)
+        raze(A);
+    else if (!isnan(mass_factor))
         dr_matrix_set_base(A, mass_factor);
     return status;
 }

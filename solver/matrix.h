@@ -34,7 +34,7 @@ void dr_matrix_lend(struct dr_matrix *A, struct dr_hand *hand);
 
 /* The same with places for the blocks of these pairs of nodes, too, beside the links given at creation, and
  * zero but for the base; there is no factor until the next factorisation. After a failure nothing may be done
- * with it but to free it. */
+ * with it but to count its bytes and to free it. */
 drape_status dr_matrix_relink(struct dr_matrix *A, const uint32_t *link, size_t links, drape_error *reterr);
 
 /* The same with another bending stiffness, without places for links but those given at creation. */

@@ -185,6 +185,11 @@ static void limit_moves(const struct mover *m)
         dr_self_clip(m->cloth->self, m->x, m->w);
 }
 
+static drape_status check_self(const struct mover *m, drape_error *reterr)
+{
+    return m->cloth->self ? dr_self_error(m->cloth->self, reterr) : DRAPE_OK;
+}
+
 /* Finds value, energy and f at x. */
 static void measure(struct mover *m)
 {
@@ -278,6 +283,8 @@ static drape_status advance(struct mover *m, uint32_t n, bool *ret_whole, drape_
         dr_self_clip(m->cloth->self, m->x, m->w);
     go(m);
     measure(m);
+    if (check_self(m, reterr) < 0)
+        return DRAPE_ENOMEM;
     if (!isfinite(m->value))
         return dr_fail(reterr, DRAPE_ENUMERIC, DRAPE_AT_NOWHERE, -1,
                        "a non-finite energy while the bodies move, frame %u", m->sim->report.motion_frames);
@@ -290,7 +297,7 @@ static drape_status advance(struct mover *m, uint32_t n, bool *ret_whole, drape_
     dr_cloth_renew_anchors(m->cloth, m->x);
     m->sim->report.motion_frames = n;
     tell(m, corrections);
-    return DRAPE_OK;
+    return check_self(m, reterr);
 }
 
 static drape_status follow(struct mover *m, drape_error *reterr)

@@ -494,6 +494,8 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
         sim->stage[DR_STAGE_PREPARE] = dr_clock() - began;
         status = iterate(&s, reterr);
     }
+    if (status >= 0 && s.cloth->self) /* the last state may be wrong already */
+        status = dr_self_error(s.cloth->self, reterr);
     if (status >= 0 && sim->fit)
         dr_fit_measure(sim->fit, s.cloth, x);
     release(&s);

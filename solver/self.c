@@ -31,7 +31,7 @@ struct dr_self {
     size_t near_room;
     double moved;         /* m: the most that a node has moved since then */
     double broad, narrow; /* s: spent on searching, and on the pairs */
-    drape_status failed;  /* of the last search */
+    drape_status failed;  /* of a search or renewal; stays */
     struct dr_rub *rub;   /* NULL: no friction */
     uint32_t *link;       /* scratch of dr_self_links */
     size_t link_room;
@@ -214,10 +214,12 @@ static drape_status update(struct dr_self *self, const double *x, double range)
     return measure_pairs(self, x);
 }
 
-/* After it the pairs hold all that are closer than `range` at x, m. */
+/* After it the pairs hold all that are closer than `range` at x, m. Once one has failed, all do. */
 static bool search(struct dr_self *self, const double *x, double range)
 {
     double began = dr_clock();
+    if (self->failed < 0)
+        return false;
     self->moved = moved_since(self, x);
     if (!(self->radius > 0 && self->complete - 2 * self->moved >= range)) {
         self->failed = update(self, x, range);

@@ -55,7 +55,7 @@ double dr_self_brace(struct dr_self *self, const double *x, double *f);
 bool dr_self_holds(const struct dr_self *self);
 double dr_self_held(const struct dr_self *self, const double *x);
 
-/* DRAPE_OK, or what the last search failed of. */
+/* DRAPE_OK, or what a search or renewal failed of; what came after it is worth nothing. */
 drape_status dr_self_error(const struct dr_self *self, drape_error *reterr);
 
 /* Whether A has a place for the Hessian at x. */

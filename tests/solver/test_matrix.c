@@ -2,6 +2,7 @@
 #include "test.h"
 
 #include "matrix.h"
+#include "scarce.h"
 
 /* A 4x4 grid of nodes with two diagonals' worth of triangles, nodes 0 and 5 held. */
 #define SIDE  4
@@ -24,7 +25,7 @@ static void make(struct system *s)
 {
     static double pattern[2 * NODES];
     static uint32_t triangle[6 * (SIDE - 1) * (SIDE - 1)];
-    bool held[NODES] = {[0] = true, [5] = true};
+    bool fixed[NODES] = {[0] = true, [5] = true};
     const double density = 0.3;
     size_t count = 0;
     memset(s, 0, sizeof *s);
@@ -39,7 +40,7 @@ static void make(struct system *s)
             count += 6;
         }
     assert_int_equal(
-        dr_mesh_new(NODES, count / 3, triangle, triangle, pattern, NULL, &density, held, &s->mesh, NULL), 0);
+        dr_mesh_new(NODES, count / 3, triangle, triangle, pattern, NULL, &density, fixed, &s->mesh, NULL), 0);
 
     /* A made-up bending stiffness: a chain 0-2-4-... far off the triangles' pattern. */
     s->bend = calloc(1, sizeof *s->bend);
@@ -151,13 +152,13 @@ static void test_matrix__solve_leaves_no_residual_in_dense_arithmetic(void **sta
         dr_matrix_solve(A, 2, (const double *[]){b0, b1}, (double *[]){w0, w1});
     }
     for (int i = 0; i < N; i++) {
-        bool held = s.mesh->held[i / 3];
+        bool fixed = s.mesh->held[i / 3];
         double r0 = -b0[i], r1 = -b1[i];
         for (int j = 0; j < N; j++) {
             r0 += s.dense[i][j] * w0[j];
             r1 += s.dense[i][j] * w1[j];
         }
-        if (held)
+        if (fixed)
             assert_true(w0[i] == 0 && w1[i] == 0);
         else
             assert_true(fabs(r0) < 1e-12 && fabs(r1) < 1e-12);
@@ -194,7 +195,7 @@ static void test_matrix__a_dissected_matrix_is_solved(void **state)
     enum { WIDE = 40, ALL = WIDE * WIDE };
     static double pattern[2 * ALL], b[3 * ALL], w[3 * ALL], q[3 * ALL];
     static uint32_t triangle[6 * (WIDE - 1) * (WIDE - 1)];
-    static bool held[ALL] = {[3] = true, [ALL / 2] = true};
+    static bool fixed[ALL] = {[3] = true, [ALL / 2] = true};
     const double density = 0.3;
     struct dr_mesh *mesh;
     struct dr_matrix *A;
@@ -213,7 +214,7 @@ static void test_matrix__a_dissected_matrix_is_solved(void **state)
             count += 6;
         }
     assert_int_equal(
-        dr_mesh_new(ALL, count / 3, triangle, triangle, pattern, NULL, &density, held, &mesh, NULL), 0);
+        dr_mesh_new(ALL, count / 3, triangle, triangle, pattern, NULL, &density, fixed, &mesh, NULL), 0);
     assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
     dr_matrix_set_base(A, 100);
     dr_matrix_reset(A);
@@ -231,7 +232,7 @@ static void test_matrix__a_dissected_matrix_is_solved(void **state)
     dr_matrix_solve(A, 1, (const double *[]){b}, (double *[]){w});
     dr_matrix_multiply(A, w, q);
     for (size_t i = 0; i < 3 * ALL; i++)
-        assert_near(q[i], held[i / 3] ? 0 : b[i], 1e-12, 1);
+        assert_near(q[i], fixed[i / 3] ? 0 : b[i], 1e-12, 1);
     dr_matrix_free(A);
     dr_mesh_free(mesh);
 }
@@ -279,10 +280,10 @@ static void test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven(v
     (void)state;
     const double pattern[] = {0, 0, 1, 0, 0, 1}, density = 1;
     const uint32_t one[] = {0, 1, 2};
-    const bool held[] = {false, true, true};
+    const bool fixed[] = {false, true, true};
     struct dr_mesh *mesh;
     struct dr_matrix *A;
-    assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
+    assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, fixed, &mesh, NULL), 0);
     assert_int_equal(dr_matrix_new(mesh, NULL, NULL, 0, DR_CHOLESKY, NULL, &A, NULL), 0);
     const double g = (3 + 2) * 0x1p-53, large = 1e6;
     const double c = g / (1 - 2 * g) * 3 * large;
@@ -309,10 +310,10 @@ static void test_matrix__a_cloth_held_everywhere_has_nothing_to_solve(void **sta
     (void)state;
     const double pattern[] = {0, 0, 1, 0, 0, 1}, density = 1;
     const uint32_t one[] = {0, 1, 2};
-    const bool held[] = {true, true, true};
+    const bool fixed[] = {true, true, true};
     struct dr_mesh *mesh;
     struct dr_matrix *A;
-    assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, held, &mesh, NULL), 0);
+    assert_int_equal(dr_mesh_new(3, 1, one, one, pattern, NULL, &density, fixed, &mesh, NULL), 0);
     assert_int_equal(dr_matrix_new(mesh, NULL, one, 1, DR_CHOLESKY, NULL, &A, NULL), 0);
     double b[9] = {1, 2, 3}, w[9] = {7, 7, 7, 7, 7, 7, 7, 7, 7}, H[9][9] = {{0}};
     bool memory;
@@ -373,6 +374,35 @@ static void test_matrix__batches_of_triangles_add_the_bytes_of_each(void **state
     release(&s);
 }
 
+static void test_matrix__one_that_could_not_be_linked_anew_can_be_counted_and_freed(void **state)
+{
+    (void)state;
+#ifdef CAN_FAIL_ALLOCATIONS
+    struct system s;
+    const uint32_t link[] = {0, 15, 3, 12};
+    make(&s);
+    long before = held, n = 0;
+    for (bool failed = true; failed; n++) {
+        struct dr_matrix *A;
+        assert_int_equal(dr_matrix_new(s.mesh, s.bend, s.link, 2, DR_SINGLE, NULL, &A, NULL), 0);
+        size_t whole = dr_matrix_bytes(A);
+        denied = 0;
+        countdown = n;
+        drape_status status = dr_matrix_relink(A, link, 2, NULL);
+        countdown = -1;
+        failed = denied;
+        assert_int_equal(status, failed ? DRAPE_ENOMEM : DRAPE_OK);
+        assert_in_range(dr_matrix_bytes(A), 1, failed ? whole : 2 * whole);
+        dr_matrix_free(A);
+        assert_int_equal(held, before);
+    }
+    assert_true(n > 30);
+    release(&s);
+#else
+    skip();
+#endif
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -384,6 +414,7 @@ int main(void)
         cmocka_unit_test(test_matrix__an_indefinite_matrix_is_told_from_lack_of_memory),
         cmocka_unit_test(test_matrix__lowered_by_round_off_it_still_stands_or_is_not_proven),
         cmocka_unit_test(test_matrix__a_cloth_held_everywhere_has_nothing_to_solve),
+        cmocka_unit_test(test_matrix__one_that_could_not_be_linked_anew_can_be_counted_and_freed),
     };
     return cmocka_run_group_tests_name("matrix", tests, NULL, NULL);
 }
