@@ -5,6 +5,7 @@
  * such failure its state is not to be trusted, so that nothing is plotted any more in this process. */
 #include "plot.h"
 
+#include <dlfcn.h>
 #include <math.h>
 #include <plplot.h>
 #include <pthread.h>
@@ -271,6 +272,16 @@ static void draw(struct curve curve[4], double tolerance, const char *title, FIL
     plend1(); /* closes the file; the library stays initialised (see below) */
 }
 
+/* Begins libltdl, by which PLplot loads its drivers without having looked whether that began; it counts how
+ * often it is begun. Once it has not, each driver that is asked for ends the process. A PLplot that has its
+ * drivers inside does without. */
+static bool begin_loader(void)
+{
+    int (*begin)(void) = (int (*)(void))dlsym(RTLD_DEFAULT, "lt_dlinit");
+    plot_failed = begin != NULL && begin() != 0;
+    return !plot_failed;
+}
+
 /* Without its driver PLplot would ask the terminal for another one. This also reads the list of drivers,
  * which happens once: plend() would drop it, and PLplot crashes when it cannot be read a second time. */
 static bool has_svg_driver(void)
@@ -289,7 +300,7 @@ static int draw_to_memory(struct curve curve[4], double tolerance, const char *t
                           size_t *ret_bytes)
 {
     static struct memout memout; /* static: the stream may stay open, see below; then nobody comes again */
-    FILE *file = memout_open(&memout);
+    FILE *file = begin_loader() ? memout_open(&memout) : NULL;
     if (!file)
         return -1;
     if (setjmp(plot_way_out)) {

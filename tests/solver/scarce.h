@@ -41,6 +41,9 @@ void *memalign(size_t alignment, size_t size);
 #ifndef SCARCE_PER
 #define SCARCE_PER
 #endif
+#ifndef SCARCE_SPARES
+#define SCARCE_SPARES "libgomp"
+#endif
 
 static SCARCE_PER long countdown = -1; /* allocations that still succeed; -1: all */
 static SCARCE_PER bool lasting;
@@ -59,7 +62,7 @@ UNWATCHED static bool fails(const void *caller)
     Dl_info info;
     if (!begun)
         return false;
-    if (dladdr(caller, &info) && (strstr(info.dli_fname, "blas") || strstr(info.dli_fname, "libgomp")))
+    if (dladdr(caller, &info) && (strstr(info.dli_fname, "blas") || strstr(info.dli_fname, SCARCE_SPARES)))
         return false;
     asked++;
     if (countdown < 0)
