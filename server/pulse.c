@@ -19,10 +19,9 @@
 static const char question[] = "GET /pulse HTTP/1.1\r\nHost: pulse\r\n\r\n";
 
 struct pulse {
-    int ours;          /* -1: not connected */
-    atomic_int theirs; /* of the pair made last; closed by the daemon, and then -1 */
-    bool asked;        /* and not answered yet */
-    int64_t made_ms;   /* monotonic; when the pair was made */
+    int ours;        /* -1: not connected */
+    bool asked;      /* and not answered yet */
+    int64_t made_ms; /* monotonic; when the pair was made */
     _Atomic int64_t answered_ms;
 };
 
@@ -32,7 +31,6 @@ struct pulse *pulse_new(void)
     if (pulse == NULL)
         return NULL;
     pulse->ours = -1;
-    atomic_store(&pulse->theirs, -1);
     atomic_store(&pulse->answered_ms, clock_monotonic_ms());
     return pulse;
 }
@@ -53,18 +51,18 @@ struct pulse *pulse_free(struct pulse *pulse)
     return NULL;
 }
 
-/* Where there is no descriptor or no place for another, the old pair goes on. */
+/* Where there is no descriptor, no memory or no place for another, the old pair goes on. */
 static void connect_pair(struct pulse *pulse, struct MHD_Daemon *daemon)
 {
-    static const struct sockaddr nowhere = {.sa_family = AF_UNIX};
+    /* By which it is known: what is accepted has a family. Not by its descriptor, which another connection
+     * has as soon as the library closes one that it does not take. */
+    static const struct sockaddr nowhere = {.sa_family = AF_UNSPEC};
     int pair[2];
     pulse->made_ms = clock_monotonic_ms();
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, pair) != 0)
         return;
-    atomic_store(&pulse->theirs, pair[1]); /* before the loop can ask whose it is */
     if (MHD_add_connection(daemon, pair[1], &nowhere, sizeof nowhere) != MHD_YES) {
-        atomic_store(&pulse->theirs, -1); /* the library has closed it */
-        close(pair[0]);
+        close(pair[0]); /* the library has closed the other one */
         return;
     }
     hang_up(pulse);
@@ -102,16 +100,11 @@ int64_t pulse_answered_ms(const struct pulse *pulse)
 bool pulse_connection(struct pulse *pulse, struct MHD_Connection *mhd, void **socket_context,
                       enum MHD_ConnectionNotificationCode code)
 {
-    const union MHD_ConnectionInfo *info = MHD_get_connection_info(mhd, MHD_CONNECTION_INFO_CONNECTION_FD);
-    int fd = info == NULL ? -1 : info->connect_fd;
-    if (code == MHD_CONNECTION_NOTIFY_STARTED && fd >= 0 && fd == atomic_load(&pulse->theirs))
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(mhd, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    const struct sockaddr *address = info == NULL ? NULL : info->client_addr;
+    if (code == MHD_CONNECTION_NOTIFY_STARTED && address != NULL && address->sa_family == AF_UNSPEC)
         *socket_context = pulse;
-    if (*socket_context != pulse)
-        return false;
-    /* A client's connection may have the same descriptor next. */
-    if (code == MHD_CONNECTION_NOTIFY_CLOSED)
-        atomic_compare_exchange_strong(&pulse->theirs, &fd, -1);
-    return true;
+    return *socket_context == pulse;
 }
 
 bool pulse_is_mine(const struct pulse *pulse, struct MHD_Connection *mhd)

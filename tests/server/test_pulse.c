@@ -2,6 +2,8 @@
 #include "test.h"
 
 #include <arpa/inet.h>
+#include <dlfcn.h>
+#include <microhttpd.h>
 #include <netinet/in.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -142,6 +144,49 @@ static void test_pulse__a_stuck_loop_does_not_answer_until_it_is_free(void **sta
     close(fd);
 }
 
+/* ---- a connection that the library does not take --------------------------------------------------- */
+
+static bool refuses;    /* the next connection that is handed to the library, for want of memory */
+static int client = -1; /* one that comes at that very moment */
+
+/* In the place of the library's: closes a socket that it refuses, as it does, and a client gets its number.
+ */
+enum MHD_Result MHD_add_connection(struct MHD_Daemon *daemon, MHD_socket fd, const struct sockaddr *address,
+                                   socklen_t bytes)
+{
+    enum MHD_Result (*next)(struct MHD_Daemon *, MHD_socket, const struct sockaddr *, socklen_t) =
+        (enum MHD_Result(*)(struct MHD_Daemon *, MHD_socket, const struct sockaddr *, socklen_t))dlsym(
+            RTLD_NEXT, "MHD_add_connection");
+    if (!refuses)
+        return next(daemon, fd, address, bytes);
+    refuses = false;
+    struct sockaddr_in to = {
+        .sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK), .sin_port = htons((uint16_t)port)};
+    static const char head[] = "GET /park HTTP/1.1\r\nHost: h\r\n\r\n";
+    char byte;
+    client = socket(AF_INET, SOCK_STREAM, 0);
+    close(fd);
+    assert_int_equal(connect(client, (struct sockaddr *)&to, sizeof to), 0);
+    assert_int_equal(write(client, head, sizeof head - 1), sizeof head - 1);
+    while (!parked && recv(client, &byte, 1, MSG_DONTWAIT | MSG_PEEK) < 0)
+        pause_ms(1);
+    return MHD_NO;
+}
+
+static void test_pulse__a_client_is_not_taken_for_one_that_was_refused(void **state)
+{
+    (void)state;
+    refuses = true;
+    http_tick(http);
+    assert_false(refuses);
+    assert_int_equal(parked, 1);
+    assert_int_equal(http_connections(http), 1);
+    http_send(parked_request[0], http_answer_empty(204));
+    while (finished < 1)
+        pause_ms(1);
+    close(client);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -149,6 +194,8 @@ int main(void)
                                         stop),
         cmocka_unit_test_setup_teardown(test_pulse__it_needs_no_place_among_the_connections, start, stop),
         cmocka_unit_test_setup_teardown(test_pulse__a_stuck_loop_does_not_answer_until_it_is_free, start,
+                                        stop),
+        cmocka_unit_test_setup_teardown(test_pulse__a_client_is_not_taken_for_one_that_was_refused, start,
                                         stop),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
