@@ -1,6 +1,7 @@
 #!/bin/bash
 # One call of the system fails, another one in each session: memory, files, syncs, renames, statements of the
 # database. The daemon may refuse, or fail to start; it must not crash, and what it accepted must be there.
+# Memory is filled when it is taken and freed, so that whoever reads past what is there dies of it each time.
 # DRAPED_TEST_FAULTS: sessions of each kind, spread evenly; "all": one for every call (an hour; make break-long).
 . "$(dirname "$0")/lib.sh"
 sessions=${DRAPED_TEST_FAULTS:-12}
@@ -54,6 +55,8 @@ visit() {
     [[ $code =~ ^(204|000)$ ]] && sed -i '$d' "$work/accepted"
 }
 
+# GLIBC_TUNABLES: memory kept back for each thread would not be filled.
+export MALLOC_PERTURB_=165 GLIBC_TUNABLES=glibc.malloc.tcache_count=0
 RANDOM=20261123
 total=0
 for kind in malloc open write sync rename step; do

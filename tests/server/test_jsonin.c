@@ -41,11 +41,9 @@ static void starve(const char *text)
     json_error_t error;
     for (bool failed = true; failed; n++) {
         json_t *root = NULL;
-        denied = 0;
-        countdown = n;
+        fail_at(n);
         int result = jsonin_load(text, strlen(text), &root, &error);
-        failed = denied > 0;
-        countdown = -1;
+        failed = has_failed();
         assert_int_equal(result, failed ? -1 : 0);
         if (failed) {
             assert_null(root);

@@ -53,10 +53,9 @@ static int in_child(int (*run)(long n), long n)
 /* Two plots, of which the n-th allocation fails; with `lasting` all that follow it in the first one. */
 static int plot_twice(long n)
 {
-    countdown = n;
+    fail_at(n);
     plot();
-    countdown = -1;
-    return denied ? plot() : NONE_DENIED;
+    return has_failed() ? plot() : NONE_DENIED;
 }
 
 static void test_plot__no_failed_allocation_but_plplots_own_ends_the_process(void **state)

@@ -1,13 +1,15 @@
 /* scarce.h - replaces the allocator of a test program, so that the n-th allocation can be made to fail.
  *
- * Include it in one file of the program. Set `countdown` to n for the n-th allocation from now on,
- * counted from 0, to fail once; afterwards it is -1. With `lasting` every one after it fails, too, until
- * `countdown` is set to -1. `denied` counts those that failed, `asked` the allocations asked for, `held`
- * those not yet freed. Allocations made by the BLAS and by libgomp never fail and are not counted as asked
- * for: OpenBLAS's small kernels take scratch and do not check it, and libgomp ends the process, which is not
- * ours to test. Under AddressSanitizer memory is its own; ThreadSanitizer lets nobody between: without
- * CAN_FAIL_ALLOCATIONS such a test skips itself. One thread; or, where SCARCE_PER is defined as _Thread_local
- * before, each thread for itself. */
+ * Include it in one file of the program. fail_at(n), or `countdown` set to n, has the n-th allocation from
+ * now on fail once, counted from 0; afterwards `countdown` is -1. With `lasting` every one after it fails,
+ * too, until has_failed() or `countdown` set to -1. `denied` counts those that failed, `asked` the
+ * allocations asked for, `held` those not yet freed.
+ *
+ * Allocations made by the BLAS and by libgomp never fail and are not counted as asked for: OpenBLAS's small
+ * kernels take scratch and do not check it, and libgomp ends the process, which is not ours to test. Another
+ * library than libgomp is spared where SCARCE_SPARES names it before. Under AddressSanitizer memory is its
+ * own; ThreadSanitizer lets nobody between: without CAN_FAIL_ALLOCATIONS such a test skips itself. One
+ * thread; or, where SCARCE_PER is defined as _Thread_local before, each thread for itself. */
 #ifndef DRAPED_TEST_SCARCE_H
 #define DRAPED_TEST_SCARCE_H
 
@@ -133,6 +135,20 @@ UNWATCHED void free(void *p)
 {
     held -= p != NULL;
     ALLOCATOR(free)(p);
+}
+
+/* The n-th allocation from now on fails, counted from 0. */
+static inline void fail_at(long n)
+{
+    denied = 0;
+    countdown = n;
+}
+
+/* None fails from now on; whether one did since. */
+static inline bool has_failed(void)
+{
+    countdown = -1;
+    return denied > 0;
 }
 #endif
 

@@ -128,6 +128,7 @@ static void see(const drape_preview *preview, void *data)
 }
 
 struct end {
+    bool failed; /* an allocation */
     drape_status status;
     drape_verdict verdict;
     double positions[3 * VERTICES];
@@ -144,7 +145,7 @@ static void run(struct example *e, struct end *ret)
         ret->status = drape_sim_new(scene, &e->options, &sim, &error);
     if (ret->status >= 0)
         ret->status = drape_sim_run(sim, &error);
-    countdown = -1;
+    ret->failed = has_failed();
     if (ret->status >= 0) {
         ret->verdict = drape_sim_report(sim)->verdict;
         memcpy(ret->positions, drape_sim_positions(sim, &vertices), sizeof ret->positions);
@@ -175,12 +176,11 @@ static void starve(struct example *e, const char *what)
         for (long n = 0;; n += stride()) {
             long before = held;
             lasting = all;
-            denied = 0;
-            countdown = n;
+            fail_at(n);
             run(e, &end);
             if (held != before)
                 fail_msg("%s: %ld blocks left after allocation %ld failed", what, held - before, n);
-            if (!denied)
+            if (!end.failed)
                 break;
             if (end.status < 0) {
                 assert_int_equal(end.status, DRAPE_ENOMEM);
