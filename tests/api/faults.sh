@@ -2,7 +2,7 @@
 # One call of the system fails, another one in each session: memory, files, syncs, renames, statements of the
 # database. The daemon may refuse, or fail to start; it must not crash, and what it accepted must be there.
 # Memory is filled when it is taken and freed, so that whoever reads past what is there dies of it each time.
-# DRAPED_TEST_FAULTS: sessions of each kind, spread evenly; "all": one for every call (an hour; make break-long).
+# DRAPED_TEST_FAULTS: sessions of each kind, spread evenly; "all": one for every call (hours; make break-long).
 . "$(dirname "$0")/lib.sh"
 sessions=${DRAPED_TEST_FAULTS:-12}
 shim=$PWD/build/release/tests/preload/faults.so
