@@ -310,8 +310,6 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr)
         dr_matrix_set_base(cloth->A, 1 / (TIME_STEP * TIME_STEP));
         dr_cloth_stress(cloth, sim->positions, NULL);
         status = sew_pieces(sim, cloth, f, w, waiting, reterr);
-    }
-    if (status >= 0) { /* else the matrix may be in pieces that cannot be counted */
         size_t bytes[DR_TERMS] = {[DR_TERM_SEWING] = scene->vertices * (6 * sizeof *f + sizeof *waiting)};
         dr_cloth_bytes(cloth, bytes);
         dr_plan_hold(&sim->plan, DRAPE_PHASE_SEWING, bytes);
