@@ -342,12 +342,12 @@ drape_analyses_free(drape_analyses *analyses); /* no sim uses it; NULL is fine; 
 drape_analyses_counts drape_analyses_count(drape_analyses *analyses);
 
 /* Processors that sims share. A running sim uses one; while there is one that none uses, it borrows that,
- * some milliseconds at a time, for half of its linear algebra. What comes out is the same to the last bit.
- * Lent by `count` / 2 threads, which wait meanwhile; they leave with drape_processors_free. One lock inside;
- * any thread. */
+ * some milliseconds at a time, for half of its linear algebra and of its distances to bodies. What comes out
+ * is the same to the last bit. Lent by `count` / 2 threads, or as many as the system grants, which wait
+ * meanwhile and leave with drape_processors_free. One lock inside; any thread. */
 typedef struct drape_processors drape_processors;
 
-/* NULL: out of memory, or of threads. */
+/* NULL: out of memory. */
 drape_processors *drape_processors_new(size_t count);
 drape_processors *
 drape_processors_free(drape_processors *processors); /* no sim uses them; NULL is fine; returns NULL */
@@ -647,7 +647,8 @@ const drape_fit *drape_sim_fit(const drape_sim *sim);
 const char *drape_version(void); /* "0.1.0" */
 
 /* The instruction set of the factor in single precision, which the processor chooses: "AVX-512", "AVX2", or
- * "none" beyond what every machine has. The same job has the same bytes with one of them, not with another. */
+ * "none" beyond what every machine has. The same job has the same bytes with one of them, not with another.
+ */
 const char *drape_kernels(void);
 
 /* Sets the BLAS to one thread per caller, process-wide; call once before the first sim, from the

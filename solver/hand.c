@@ -92,9 +92,8 @@ drape_processors *drape_processors_new(size_t count)
         return NULL;
     pthread_mutex_init(&processors->lock, NULL);
     processors->count = count;
-    for (size_t i = 0; i < helpers; i++)
-        if (!start_helper(processors))
-            return drape_processors_free(processors);
+    while (processors->helpers < helpers && start_helper(processors))
+        ;
     return processors;
 }
 
