@@ -32,7 +32,7 @@ enum share { LEFT, RIGHT, TOP, SHARES };
 /* To cut the tree: */
 #define MOST_SUBTREES 64
 #define SOLVES        500 /* operations for an entry of the factor, for the eight back-solves to a factorisation */
-#define LEAST_WORK    1e8 /* operations: less is not worth waking anybody */
+#define LEAST_WORK    5e8 /* operations: less is not worth waking anybody */
 #define WORTH         0.8 /* of the work, that the busier of two does */
 
 /* A panel's shape and place, as the kernels want it. */
