@@ -118,8 +118,6 @@ drape_processors *drape_processors_free(drape_processors *processors)
 
 void dr_processors_enter(drape_processors *processors)
 {
-    if (!processors)
-        return;
     pthread_mutex_lock(&processors->lock);
     processors->used++;
     pthread_mutex_unlock(&processors->lock);
@@ -127,8 +125,6 @@ void dr_processors_enter(drape_processors *processors)
 
 void dr_processors_leave(drape_processors *processors)
 {
-    if (!processors)
-        return;
     pthread_mutex_lock(&processors->lock);
     processors->used--;
     pthread_mutex_unlock(&processors->lock);
@@ -167,13 +163,12 @@ static double dismiss(drape_processors *processors, struct helper *helper)
     return seconds;
 }
 
-void dr_hand_both(struct dr_hand *hand, dr_half_fn *run, void *context)
+void dr_hand_borrow(struct dr_hand *hand, dr_half_fn *run, void *context)
 {
-    drape_processors *processors = hand ? hand->processors : NULL;
-    struct helper *helper = processors ? call(processors, run, context) : NULL;
+    struct helper *helper = call(hand->processors, run, context);
     run(context, 0);
     if (helper)
-        hand->seconds += dismiss(processors, helper);
+        hand->seconds += dismiss(hand->processors, helper);
     else
         run(context, 1);
 }

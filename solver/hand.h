@@ -15,11 +15,22 @@ struct dr_hand {
 
 typedef void dr_half_fn(void *context, int half);
 
+/* As dr_hand_both, from what there is to lend. */
+void dr_hand_borrow(struct dr_hand *hand, dr_half_fn *run, void *context);
+
 /* Runs both halves: 0 here and 1 on a processor that nobody uses or, where there is none, afterwards. Returns
  * when both have ended. hand: NULL is fine. */
-void dr_hand_both(struct dr_hand *hand, dr_half_fn *run, void *context);
+static inline void dr_hand_both(struct dr_hand *hand, dr_half_fn *run, void *context)
+{
+    if (hand && hand->processors) {
+        dr_hand_borrow(hand, run, context);
+    } else {
+        run(context, 0);
+        run(context, 1);
+    }
+}
 
-/* The caller begins to use a processor of its own, and ends. NULL is fine. */
+/* The caller begins to use a processor of its own, and ends. */
 void dr_processors_enter(drape_processors *processors);
 void dr_processors_leave(drape_processors *processors);
 

@@ -266,9 +266,11 @@ drape_status dr_sim_run(drape_sim *sim, drape_error *reterr)
 
 drape_status drape_sim_run(drape_sim *sim, drape_error *reterr)
 {
-    dr_processors_enter(sim->options.processors);
+    if (sim->options.processors)
+        dr_processors_enter(sim->options.processors);
     drape_status status = dr_sim_run(sim, reterr);
-    dr_processors_leave(sim->options.processors);
+    if (sim->options.processors)
+        dr_processors_leave(sim->options.processors);
     return status;
 }
 

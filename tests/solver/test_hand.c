@@ -56,8 +56,6 @@ static void test_hand__one_processor_does_both_halves(void **state)
         dr_processors_leave(processors);
         drape_processors_free(processors);
     }
-    dr_processors_enter(NULL);
-    dr_processors_leave(NULL);
     drape_processors_free(NULL);
 }
 
