@@ -38,7 +38,7 @@ for ((i = 0; i < 4; i++)); do
 done
 
 # Large enough for halves of its factorisations to be worth sharing.
-"$DRAPE" example square --triangles 3200 | jq -c '.solver = {max_iterations: 4}' >"$work/job"
+"$DRAPE" example square --triangles 8000 | jq -c '.solver = {max_iterations: 4}' >"$work/job"
 drape_copies one 1 1
 drape_copies two 2 1
 check 'with a borrowed processor: the same glb' cmp "$work/one-0.glb" "$work/two-0.glb"
