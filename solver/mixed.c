@@ -53,7 +53,7 @@
 #define MOST_CG       20   /* conjugate gradient steps */
 #define CG_PRECISION  0.03 /* of the preconditioned residual, relative */
 #define MOST_PRECISE  100  /* likewise where nothing but bending is left out of the factor */
-#define PRECISE       1e-4 /* of the preconditioned residual, relative */
+#define PRECISE       1e-4
 #define FLAT          1e-3 /* curvature along a direction, relative to that of H+, that counts as negative */
 #define FIRST_LIMIT   0.05 /* strain at which a corrected step is cut: the threads turn by 0.3 rad */
 #define WORTH         100 /* false stretch over predicted decrease: the next step leaves about 1/100 of it; */
@@ -82,8 +82,7 @@
 /* Of the second-order correction */
 #define FALSE_PART  0.02 /* of false stretch in what was gained, up to which there is nothing to correct */
 #define MOST_PASSES 2
-#define PASSABLE    1e-2 /* of the preconditioned residual, relative, before its gaps are looked at */
-#define MOST_TRIES  3    /* whole, halved, halved again */
+#define MOST_TRIES  3 /* whole, halved, halved again */
 
 #define MOST_CHORDS 5 /* steps with the factor of the true Hessian at hand, after the one it was made for */
 
@@ -209,13 +208,12 @@ static double worthwhile(struct dr_state *s, double most, double least, double s
  * be corrected, made with H+ in the place of the true Hessian. They end where precise enough or on negative
  * curvature; those of a corrected step also where it would turn a thread past the limit, up to which negative
  * curvature is followed then. The first step of these is never cut below P^-1 f. */
-static drape_status correct(struct dr_state *s, double precision, drape_error *reterr)
+static drape_status correct(struct dr_state *s, drape_error *reterr)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
     double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *z = s->x_next; /* free until the move */
+    double precision = s->corrected ? CG_PRECISION : PRECISE;
     int steps = s->corrected ? MOST_CG : MOST_PRECISE;
-    if (s->corrected)
-        precision = CG_PRECISION;
     memcpy(r, s->f, count * sizeof *r);
     memcpy(p, s->w, count * sizeof *p);
     memset(s->w, 0, count * sizeof *s->w);
@@ -249,15 +247,15 @@ static drape_status correct(struct dr_state *s, double precision, drape_error *r
     return DRAPE_OK;
 }
 
-/* w and RESIDUAL of the model with the factor at hand, to `precision` unless the step is to be corrected. */
-static drape_status solve_model(struct dr_state *s, double precision, drape_error *reterr)
+/* w and RESIDUAL of the model with the factor at hand. */
+static drape_status solve_model(struct dr_state *s, drape_error *reterr)
 {
     drape_status status = dr_state_solve(s, 1, (const double *[]){s->f}, (double *[]){s->w}, reterr);
     s->solves++;
     s->row.residual_energy = 0.5 * dr_state_dot(s, s->f, s->w);
     s->cut = false;
     if (status >= 0 && lacks(s))
-        return correct(s, precision, reterr);
+        return correct(s, reterr);
     memset(s->extra[RESIDUAL], 0, 3 * s->cloth->mesh->nodes * sizeof(double));
     return status;
 }
@@ -270,7 +268,7 @@ static drape_status find_step(struct dr_state *s, drape_error *reterr)
     bool tried = smooth(s) && !s->wait && !s->negative;
     drape_status status = factorise_true(s, &s->whole, reterr);
     if (status >= 0 && s->whole) {
-        status = solve_model(s, PRECISE, reterr);
+        status = solve_model(s, reterr);
         s->whole = !s->negative;
     }
     if (status < 0 || s->whole || s->gave_up)
@@ -285,7 +283,7 @@ static drape_status find_step(struct dr_state *s, drape_error *reterr)
     if (status < 0 || s->gave_up)
         return status;
     s->corrected = smooth(s);
-    return solve_model(s, PRECISE, reterr);
+    return solve_model(s, reterr);
 }
 
 /* ---- contact ------------------------------------------------------------------------------------- */
@@ -474,7 +472,7 @@ static drape_status find_correction(struct dr_state *s, bool *ret_found, drape_e
     drape_status status = dr_state_factorise(s, 0, ret_found, reterr);
     if (status < 0 || !*ret_found)
         return status;
-    status = solve_model(s, PASSABLE, reterr);
+    status = solve_model(s, reterr);
     return status < 0 ? status : touch(s, reterr);
 }
 
@@ -552,7 +550,7 @@ static drape_status chords(struct dr_state *s, drape_error *reterr)
         }
         if (dr_cloth_largest_force(s->cloth, s->f) <= s->sim->options.tolerance * s->weight)
             return DRAPE_OK;
-        drape_status status = solve_model(s, PRECISE, reterr);
+        drape_status status = solve_model(s, reterr);
         if (status < 0 || s->negative)
             return status;
         clip(s);

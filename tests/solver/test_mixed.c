@@ -128,7 +128,7 @@ static void test_mixed__steps_from_hinges_are_those_of_a_factor_with_all_of_the_
         assert_true(solve_directly(&e, cases[c].indefinite, direct));
         factorise_hinges(&e, cases[c].indefinite, &definite);
         assert_true(definite);
-        assert_int_equal(solve_model(s, PRECISE, NULL), DRAPE_OK);
+        assert_int_equal(solve_model(s, NULL), DRAPE_OK);
         assert_false(s->negative);
         /* its residual is what it says, and in the energy norm it is as precise as it should be */
         double size = 0, error = 0, most = 0;
@@ -173,7 +173,7 @@ static void test_mixed__what_hinges_alone_hold_up_is_told_to_buckle(void **state
             e.s.f[i] = e.s.cloth->mesh->held[i / 3] ? 0 : test_random(&seed);
         direct += definite && !whole;
         if (definite) {
-            assert_int_equal(solve_model(&e.s, PRECISE, NULL), DRAPE_OK);
+            assert_int_equal(solve_model(&e.s, NULL), DRAPE_OK);
             assert_int_equal(e.s.negative, !whole);
             told += e.s.negative;
         }
@@ -200,15 +200,14 @@ static void test_mixed__a_limp_cloth_takes_one_solve_in_double_and_few_in_single
         assert_int_equal(dr_matrix_is_single(e.s.cloth->A), !exact);
         e.s.solves = 0;
         e.s.extra[RESIDUAL][5] = 1;
-        assert_int_equal(solve_model(&e.s, PRECISE, NULL), DRAPE_OK);
+        assert_int_equal(solve_model(&e.s, NULL), DRAPE_OK);
         assert_in_range(e.s.solves, exact ? 1 : 2, exact ? 1 : 3);
         assert_true(exact ? e.s.extra[RESIDUAL][5] == 0 : fabs(e.s.extra[RESIDUAL][5]) < 1e-3);
     }
     release(&e);
 }
 
-/* A tolerance that no force in doubles comes to: the run says so soon, and its state is as good as it gets.
- */
+/* A tolerance that no force in doubles comes to: the run says so soon, and its state is as good as it gets. */
 static void test_mixed__a_force_that_is_round_off_ends_the_run(void **state)
 {
     (void)state;
