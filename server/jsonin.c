@@ -5,49 +5,57 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-/* What jansson has taken and not given back in a load: when it gets no more it is left at once, by longjmp,
- * and this is freed. It holds no lock while it loads. */
-struct load {
+struct blocks {
     void **block;
-    size_t blocks, room;
+    size_t count, room;
+};
+
+/* What jansson takes in a load, and what of that it gives back, which is kept until the end: so nothing is
+ * ever searched for. When there is no more memory it is left at once, by longjmp, and all it has taken is
+ * freed. It holds no lock while it loads. */
+struct load {
+    struct blocks taken, returned;
     jmp_buf way_out;
 };
 
 static _Thread_local struct load *load; /* the one that this thread is in; NULL: none */
 
-static bool note(void *block)
+static bool note(struct blocks *blocks, void *block)
 {
-    if (load->blocks == load->room) {
-        size_t room = load->room > 0 ? 2 * load->room : 64;
-        void **grown = realloc(load->block, room * sizeof *grown);
+    if (blocks->count == blocks->room) {
+        size_t room = blocks->room > 0 ? 2 * blocks->room : 64;
+        void **grown = realloc(blocks->block, room * sizeof *grown);
         if (grown == NULL)
             return false;
-        load->block = grown;
-        load->room = room;
+        blocks->block = grown;
+        blocks->room = room;
     }
-    load->block[load->blocks++] = block;
+    blocks->block[blocks->count++] = block;
     return true;
 }
 
 static void *allocate(size_t bytes)
 {
     void *block = malloc(bytes);
-    if (load != NULL && (block == NULL || !note(block))) {
+    if (load != NULL && (block == NULL || !note(&load->taken, block))) {
         free(block);
         longjmp(load->way_out, 1);
     }
     return block;
 }
 
-/* Nearly always one of the last that were taken. */
 static void release(void *block)
 {
-    for (size_t i = load != NULL ? load->blocks : 0; i-- > 0;)
-        if (load->block[i] == block) {
-            load->block[i] = load->block[--load->blocks];
-            break;
-        }
-    free(block);
+    if (load == NULL)
+        free(block);
+    else if (block != NULL && !note(&load->returned, block))
+        longjmp(load->way_out, 1);
+}
+
+static void free_all(const struct blocks *blocks)
+{
+    for (size_t i = 0; i < blocks->count; i++)
+        free(blocks->block[i]);
 }
 
 /* Before main: jansson has one allocator for all threads, and no lock around it. */
@@ -63,14 +71,15 @@ int jsonin_load(const char *text, size_t bytes, json_t **ret, json_error_t *rete
     load = &own;
     if (setjmp(own.way_out) == 0) {
         json_t *root = json_loadb(text, bytes, JSON_REJECT_DUPLICATES, reterr);
+        free_all(&own.returned);
         if (root != NULL)
             *ret = root;
         result = root != NULL ? 0 : JSONIN_BAD;
     } else {
-        for (size_t i = 0; i < own.blocks; i++)
-            free(own.block[i]);
+        free_all(&own.taken);
     }
     load = NULL;
-    free(own.block);
+    free(own.taken.block);
+    free(own.returned.block);
     return result;
 }

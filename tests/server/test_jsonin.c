@@ -33,6 +33,25 @@ static void test_jsonin__what_is_none_or_has_a_member_twice_is_bad(void **state)
     }
 }
 
+/* Its error comes last, when all before is given back. Looking for each of so many, from the one end while
+ * they come from the other, would outlast the deadline of tests. */
+static void test_jsonin__a_large_document_is_found_bad_as_soon_as_it_is_read(void **state)
+{
+    (void)state;
+    const size_t numbers = 3000000;
+    char *text = malloc(4 * numbers + 2);
+    assert_non_null(text);
+    text[0] = '[';
+    for (size_t i = 0; i < numbers; i++)
+        memcpy(text + 1 + 4 * i, "1.5,", 4);
+    text[4 * numbers + 1] = 'x';
+    json_t *root = NULL;
+    json_error_t error;
+    assert_int_equal(jsonin_load(text, 4 * numbers + 2, &root, &error), JSONIN_BAD);
+    assert_int_equal(error.position, 4 * numbers + 2);
+    free(text);
+}
+
 #ifdef CAN_FAIL_ALLOCATIONS
 /* Reads the text once for each allocation that it takes, which fails; with `lasting` all after it, too. */
 static void starve(const char *text)
@@ -85,6 +104,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_jsonin__a_document_is_read),
         cmocka_unit_test(test_jsonin__what_is_none_or_has_a_member_twice_is_bad),
+        cmocka_unit_test(test_jsonin__a_large_document_is_found_bad_as_soon_as_it_is_read),
         cmocka_unit_test(test_jsonin__without_memory_there_is_nothing_rather_than_less),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
