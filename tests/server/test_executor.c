@@ -1,7 +1,6 @@
 /* test_executor.c - tasks run in order, none is lost, and the queue has an end. */
 #include "test.h"
 
-#define SCARCE_PER _Thread_local
 #include "../solver/scarce.h"
 
 #include <pthread.h>

@@ -1,6 +1,5 @@
 /* test_idempotency.c - what a key is, who holds one, what is answered under it; and that many who post the
  * same at once make one job. */
-#define SCARCE_PER _Thread_local
 #include "../solver/scarce.h"
 
 #include "shelf.h"

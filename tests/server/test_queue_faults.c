@@ -4,7 +4,6 @@
  * Allocations fail by scarce.h, in the thread that asks for it. Commits fail, or wait, by SQLite's commit
  * hook. pthread_create fails, and a thread that has just let go of its last lock can be held up there: the
  * mutexes of this program are ours. */
-#define SCARCE_PER _Thread_local
 #include "../solver/scarce.h"
 
 #include "rig.h"

@@ -8,8 +8,10 @@
  * Allocations made by the BLAS and by libgomp never fail and are not counted as asked for: OpenBLAS's small
  * kernels take scratch and do not check it, and libgomp ends the process, which is not ours to test. Another
  * library than libgomp is spared where SCARCE_SPARES names it before. Under AddressSanitizer memory is its
- * own; ThreadSanitizer lets nobody between: without CAN_FAIL_ALLOCATIONS such a test skips itself. One
- * thread; or, where SCARCE_PER is defined as _Thread_local before, each thread for itself. */
+ * own; ThreadSanitizer lets nobody between: without CAN_FAIL_ALLOCATIONS such a test skips itself.
+ *
+ * All of it is each thread's own: what OpenBLAS's threads ask for as they start, or AddressSanitizer for
+ * them, is no concern of the test's. */
 #ifndef DRAPED_TEST_SCARCE_H
 #define DRAPED_TEST_SCARCE_H
 
@@ -40,18 +42,15 @@ int posix_memalign(void **ret, size_t alignment, size_t size);
 void *aligned_alloc(size_t alignment, size_t size);
 void *memalign(size_t alignment, size_t size);
 
-#ifndef SCARCE_PER
-#define SCARCE_PER
-#endif
 #ifndef SCARCE_SPARES
 #define SCARCE_SPARES "libgomp"
 #endif
 
-static SCARCE_PER long countdown = -1; /* allocations that still succeed; -1: all */
-static SCARCE_PER bool lasting;
-static SCARCE_PER long denied;
-static SCARCE_PER long asked;
-static SCARCE_PER long held;
+static _Thread_local long countdown = -1; /* allocations that still succeed; -1: all */
+static _Thread_local bool lasting;
+static _Thread_local long denied;
+static _Thread_local long asked;
+static _Thread_local long held;
 static bool begun; /* the program: its libraries are loaded */
 
 __attribute__((constructor)) static void begin_to_count(void)
