@@ -721,13 +721,13 @@ void job_preview(struct call *call)
 {
     struct problem problem;
     struct revision revision;
-    char *glb, *body, tag[SHA256_SIZE + 24];
+    char *glb, *body, tag[SHA256_SIZE + 34];
     size_t bytes;
-    uint32_t attempt;
     bool ended;
-    int found = queue_preview(call->api->queue, call->owner, call->id, &glb, &bytes, &attempt);
+    int found = queue_preview(call->api->queue, call->owner, call->id, &glb, &bytes, &revision);
     if (found == 0) {
-        snprintf(tag, sizeof tag, "%s-%" PRIu32 "-preview", call->id, attempt);
+        snprintf(tag, sizeof tag, "%s-%" PRIu32 ".%" PRIu32 "-preview", call->id, revision.attempt,
+                 revision.counter);
         struct representing as = {tag, CODING_IDENTITY, "Accept", "no-cache"};
         represent_send(call, http_answer_bytes(200, "model/gltf-binary", glb, bytes), &as);
     } else if (found != QUEUE_NONE) {

@@ -44,6 +44,7 @@ struct item {           /* a job that has not ended: in the tree, and in the lin
     atomic_bool stop;
     char *preview; /* a GLB, malloc'd; NULL: none yet */
     size_t preview_bytes;
+    struct revision preview_since; /* the job's, with it */
 };
 
 struct queue {
@@ -210,6 +211,7 @@ static void on_preview(char *glb, size_t bytes, void *data)
     item->preview_bytes = bytes;
     item->job.preview = true;
     item->job.revision.counter++;
+    item->preview_since = item->job.revision;
     publish(queue, item, STREAM_PREVIEW);
     pthread_mutex_unlock(&queue->lock);
 }
@@ -634,7 +636,7 @@ int queue_body(struct queue *queue, const char *owner, const char *id, char **re
 }
 
 int queue_preview(struct queue *queue, const char *owner, const char *id, char **ret, size_t *ret_bytes,
-                  uint32_t *ret_attempt)
+                  struct revision *ret_since)
 {
     int result = QUEUE_NONE;
     pthread_mutex_lock(&queue->lock);
@@ -643,7 +645,7 @@ int queue_preview(struct queue *queue, const char *owner, const char *id, char *
         if ((*ret = malloc(item->preview_bytes)) != NULL)
             memcpy(*ret, item->preview, item->preview_bytes);
         *ret_bytes = item->preview_bytes;
-        *ret_attempt = item->job.revision.attempt;
+        *ret_since = item->preview_since;
         result = *ret == NULL ? -1 : 0;
     }
     pthread_mutex_unlock(&queue->lock);

@@ -73,10 +73,10 @@ int queue_submit(struct queue *queue, struct job *job, struct store_submission *
 int queue_body(struct queue *queue, const char *owner, const char *id, char **ret_body,
                struct revision *ret_revision);
 
-/* The preview of a job, a GLB that the caller frees, and the attempt that it is of. 0, QUEUE_NONE (also while
- * there is none), or -1 when out of memory. */
+/* The newest preview of a job, a GLB that the caller frees, and the job's revision when it came. 0, QUEUE_NONE
+ * (also while there is none), or -1 when out of memory. */
 int queue_preview(struct queue *queue, const char *owner, const char *id, char **ret, size_t *ret_bytes,
-                  uint32_t *ret_attempt);
+                  struct revision *ret_since);
 
 /* Has the follower follow a job (see follower_add). 0, QUEUE_NONE, or -1 when out of memory. */
 int queue_follow(struct queue *queue, const char *owner, const char *id, struct revision seen,

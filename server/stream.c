@@ -8,7 +8,7 @@
 
 #include "clock.h"
 
-/* queued, running, end: an attempt has three states; more are kept for jobs that a drain put back. */
+/* queued, running, two previews, end: what an attempt tells; more is kept for jobs that a drain put back. */
 #define KEPT_STATES 8
 
 /* What browsers should wait before they come back, ms. */

@@ -12,20 +12,65 @@
 #define ITERATIONS 12   /* of draping at most */
 #define TOLERANCE  1e-2 /* likewise, where the job's is no coarser */
 
+struct run {
+    struct drape_sim *sim;
+    drape_sim *coarse;
+    bool shown; /* as it was sewn */
+};
+
+/* ---- what is shown of it ------------------------------------------------------------------------- */
+
+static void show(const struct drape_sim *sim, const double *positions)
+{
+    const struct dr_coarse *mesh = sim->scene->coarse;
+    drape_preview preview = {.vertices = mesh->vertices,
+                             .triangles = mesh->triangles,
+                             .seams = mesh->seams,
+                             .positions = positions,
+                             .vertex = mesh->vertex,
+                             .triangle = mesh->triangle,
+                             .seam = mesh->seam};
+    sim->options.preview(&preview, sim->options.preview_data);
+}
+
+/* The garment with its seams just closed: stiff, weightless, but round the body. Out of memory: not shown. */
+static void show_sewn(const struct drape_sim *sim, const drape_sim *coarse)
+{
+    const drape_scene *scene = coarse->scene;
+    double *x = malloc(3 * scene->mesh->nodes * sizeof *x);
+    double *positions = malloc(3 * scene->vertices * sizeof *positions);
+    if (x && positions) {
+        memcpy(positions, coarse->positions, 3 * scene->vertices * sizeof *positions);
+        dr_scene_weld(scene, positions, x);
+        dr_scene_unweld(scene, x, positions);
+        show(sim, positions);
+    }
+    free(positions);
+    free(x);
+}
+
 /* Tells what the coarse cloth does as the job's own progress. */
 static int relay(const drape_progress *progress, void *data)
 {
-    struct drape_sim *sim = data;
+    struct run *run = data;
     drape_progress told = *progress;
+    bool sewn = progress->phase == DRAPE_PHASE_SEWING && progress->seam_gap <= DR_WELD_GAP;
+    if (sewn && !run->shown && run->sim->options.preview) {
+        run->shown = true;
+        show_sewn(run->sim, run->coarse);
+    }
     if (told.phase == DRAPE_PHASE_DRAPING)
         told.phase = DRAPE_PHASE_COARSE;
-    told.row.seconds = dr_clock() - sim->began;
-    dr_sim_tell(sim, &told);
-    return dr_sim_interrupted(sim);
+    told.row.seconds = dr_clock() - run->sim->began;
+    dr_sim_tell(run->sim, &told);
+    return dr_sim_interrupted(run->sim);
 }
 
-static drape_options options_of(struct drape_sim *sim)
+/* ---- the run ------------------------------------------------------------------------------------- */
+
+static drape_options options_of(struct run *run)
 {
+    const struct drape_sim *sim = run->sim;
     drape_options options = sim->options;
     options.certify = options.fit = false;
     options.preview = NULL;
@@ -35,7 +80,7 @@ static drape_options options_of(struct drape_sim *sim)
         options.max_iterations = ITERATIONS;
     options.time_limit -= dr_clock() - sim->began;
     options.progress = relay;
-    options.progress_data = sim;
+    options.progress_data = run;
     return options;
 }
 
@@ -64,20 +109,6 @@ static bool came_out_well(const struct drape_sim *coarse)
     const drape_report *report = &coarse->report;
     return report->verdict != DRAPE_VERDICT_INTERSECTING && report->verdict != DRAPE_VERDICT_SLID_OFF &&
            report->seam_gap <= DR_WELD_GAP;
-}
-
-static void show(const struct drape_sim *sim, const struct drape_sim *coarse)
-{
-    const struct dr_coarse *mesh = sim->scene->coarse;
-    drape_preview preview = {.vertices = mesh->vertices,
-                             .triangles = mesh->triangles,
-                             .seams = mesh->seams,
-                             .positions = coarse->positions,
-                             .vertex = mesh->vertex,
-                             .triangle = mesh->triangle,
-                             .seam = mesh->seam};
-    if (sim->options.preview)
-        sim->options.preview(&preview, sim->options.preview_data);
 }
 
 static drape_status carry(struct drape_sim *sim, const struct drape_sim *coarse, bool *ret_carried,
@@ -115,15 +146,16 @@ static void account(struct drape_sim *sim, const struct drape_sim *coarse)
 drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr)
 {
     double began = dr_clock();
-    drape_sim *coarse = NULL;
-    drape_options options = options_of(sim);
+    struct run run = {.sim = sim};
+    drape_options options = options_of(&run);
     drape_error error; /* of the coarse run, which may fail without harm */
     *ret_carried = false;
     if (!(options.time_limit > 0))
         return DRAPE_OK;
-    drape_status status = drape_sim_new(sim->scene->coarse_scene, &options, &coarse, reterr);
+    drape_status status = drape_sim_new(sim->scene->coarse_scene, &options, &run.coarse, reterr);
     if (status < 0)
         return status;
+    drape_sim *coarse = run.coarse;
     coarse->held_outside = dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
     status = dr_sim_run(coarse, &error);
     if (status >= 0) {
@@ -136,7 +168,8 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
         *reterr = error;
     }
     if (*ret_carried) {
-        show(sim, coarse);
+        if (sim->options.preview)
+            show(sim, coarse->positions);
         sim->report.coarse_carried = true;
         sim->report.sewing_iterations = coarse->report.sewing_iterations;
         sim->report.seam_gap = coarse->report.seam_gap;

@@ -431,8 +431,8 @@ typedef struct drape_progress {
  * drape_sim_cancel. Nonzero cancels. */
 typedef int drape_progress_fn(const drape_progress *progress, void *data);
 
-/* What the coarse cloth of drape_coarse came to: a first look at the drape, long before it rests. All is lent
- * until the callback returns. */
+/* The coarse cloth of drape_coarse, a first look at the drape, long before it rests. All is lent until the
+ * callback returns. */
 typedef struct drape_preview {
     size_t vertices, triangles, seams;
     const double *positions;  /* 3*vertices */
@@ -441,7 +441,8 @@ typedef struct drape_preview {
     const uint32_t *seam;     /* 2*seams, likewise */
 } drape_preview;
 
-/* Runs on the solving thread, once at most, before the whole cloth begins from there. */
+/* Runs on the solving thread: once the coarse cloth is sewn, if it has seams to close, and once it is draped
+ * and the whole cloth begins from there. */
 typedef void drape_preview_fn(const drape_preview *preview, void *data);
 
 typedef struct drape_options {    /* start from drape_options_default() */

@@ -907,3 +907,10 @@ void dr_scene_weld(const drape_scene *scene, const double *v, double *x)
             x[3 * (size_t)node + (size_t)d] += scene->vertex_share[i] * v[3 * i + (size_t)d];
     }
 }
+
+void dr_scene_unweld(const drape_scene *scene, const double *x, double *v)
+{
+    for (size_t i = 0; i < scene->vertices; i++)
+        if (scene->vertex_node[i] != DR_NONE)
+            memcpy(v + 3 * i, x + 3 * (size_t)scene->vertex_node[i], 3 * sizeof *v);
+}

@@ -75,4 +75,7 @@ size_t dr_scene_coarse_bytes(const drape_scene *scene);
 /* Node positions x (3*nodes) for vertex positions v (3*vertices). */
 void dr_scene_weld(const drape_scene *scene, const double *v, double *x);
 
+/* And back: v of vertices with a node from x; of others it stays. What is sewn is in one place. */
+void dr_scene_unweld(const drape_scene *scene, const double *x, double *v);
+
 #endif

@@ -219,14 +219,6 @@ static void report_stages(struct drape_sim *sim)
         sim->report.stage[sim->report.stages++] = (drape_stage){name[i], sim->stage[i]};
 }
 
-/* Positions of the vertices from those of the nodes: one seam, one place. */
-static void unweld(const drape_scene *scene, const double *x, double *v)
-{
-    for (size_t i = 0; i < scene->vertices; i++)
-        if (scene->vertex_node[i] != DR_NONE)
-            memcpy(v + 3 * i, x + 3 * (size_t)scene->vertex_node[i], 3 * sizeof *v);
-}
-
 drape_status dr_sim_run(drape_sim *sim, drape_error *reterr)
 {
     const drape_scene *scene = sim->scene;
@@ -249,7 +241,7 @@ drape_status dr_sim_run(drape_sim *sim, drape_error *reterr)
     if (status >= 0)
         status = dr_relax(sim, x, reterr);
     if (status >= 0) {
-        unweld(scene, x, sim->positions);
+        dr_scene_unweld(scene, x, sim->positions);
         sim->report.change = scene->change;
         sim->report.seconds = dr_clock() - sim->began;
         sim->report.borrowed_seconds += sim->hand.seconds;

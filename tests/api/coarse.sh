@@ -50,7 +50,12 @@ build/drape example garment --triangles 2400 | jq -c ".solver.coarse = \"on\" | 
 submit "$work/job"
 timeout 120 curl -sN "$url/v1/jobs/$id/events" | sed '/^event: preview/q' >"$work/stream"
 event=$(tail -n 1 "$work/stream")
-is 'the preview is an event' "$event" 'event: preview'
+is 'the garment as it was sewn is an event' "$event" 'event: preview'
+request HEAD "/v1/jobs/$id/preview"
+sewn=$(header etag)
+timeout 120 curl -sN "$url/v1/jobs/$id/events" -H 'Last-Event-ID: 1.2' |
+    awk '{ print } /^event: preview/ && ++n == 2 { exit }' >"$work/stream"
+is 'and as it was draped another' "$(grep -c '^event: preview' "$work/stream")" 2
 check 'while the job runs' bash -c '! grep -q "^event: end" "$1"' - "$work/stream"
 request GET "/v1/jobs/$id"
 json 'the job links to it' '.status == "running" and .links.preview == .links.self + "/preview"'
@@ -59,6 +64,7 @@ is 'it is there' "$code $(header content-type)" '200 model/gltf-binary'
 like 'a quarter of the triangles, with normals and the pattern' "$(glb_triangles "$body")" \
     '^(4[5-9].|[5-7]..|8[0-4].) NORMAL POSITION TEXCOORD_0$'
 etag=$(header etag)
+check 'not what it was when sewn' test -n "$sewn" -a "$etag" != "$sewn"
 request GET "/v1/jobs/$id/preview" -H "If-None-Match: $etag"
 is 'it is not sent again' "$code $(header etag)" "304 $etag"
 is 'and varies by Accept' "$(header vary)" Accept
@@ -69,7 +75,7 @@ problem 'it comes as GLB only' 406 not-acceptable
 request GET "/v1/jobs/$id/preview?format=obj"
 problem 'and takes no arguments' 400 bad-request
 timeout 5 curl -sN "$url/v1/jobs/$id/events" -H 'Last-Event-ID: 1.2' >"$work/stream"
-is 'who was cut off before it gets the event' "$(grep -c '^event: preview' "$work/stream")" 1
+is 'who was cut off before them gets both events' "$(grep -c '^event: preview' "$work/stream")" 2
 request DELETE "/v1/jobs/$id"
 check 'the job is cancelled' wait_for "$id" canceled 60
 json 'the link is gone' '.links.preview == null'

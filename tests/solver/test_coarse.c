@@ -151,14 +151,17 @@ static void test_coarse__the_same_input_gives_the_same_bytes(void **state)
 
 struct seen {
     struct example *e;
-    unsigned previews, draped; /* rows of the whole cloth so far */
+    unsigned previews, coarse, draped; /* coarse, draped: rows so far, of the coarse and the whole cloth */
 };
 
 static void look(const drape_preview *preview, void *data)
 {
     struct seen *seen = data;
-    assert_int_equal(seen->previews++, 0);
-    assert_int_equal(seen->draped, 0); /* it comes before the whole cloth begins */
+    assert_int_equal(seen->draped, 0); /* it comes before the whole cloth begins, */
+    if (seen->previews++ == 0)
+        assert_int_equal(seen->coarse, 0); /* first sewn, */
+    else
+        assert_true(seen->coarse > 1); /* then draped */
     assert_true(preview->triangles > 0 && preview->triangles < seen->e->desc.triangles / 3);
     assert_true(preview->seams > 0 && preview->seams < seen->e->desc.seams);
     for (size_t s = 0; s < preview->seams; s++) /* sewn */
@@ -176,6 +179,7 @@ static void look(const drape_preview *preview, void *data)
 
 static int count_rows(const drape_progress *progress, void *data)
 {
+    ((struct seen *)data)->coarse += progress->phase == DRAPE_PHASE_COARSE;
     ((struct seen *)data)->draped += progress->phase == DRAPE_PHASE_DRAPING;
     return 0;
 }
@@ -186,7 +190,7 @@ static void test_coarse__it_is_shown_before_the_whole_cloth_begins(void **state)
     for (int on = 0; on < 2; on++) {
         struct example e;
         drape_scene *scene;
-        struct seen seen = {&e, 0, 0};
+        struct seen seen = {&e, 0, 0, 0};
         make(&e, 10);
         e.options.max_iterations = 3;
         e.options.progress = count_rows;
@@ -194,7 +198,7 @@ static void test_coarse__it_is_shown_before_the_whole_cloth_begins(void **state)
         e.options.progress_data = e.options.preview_data = &seen;
         e.desc.coarse = on ? DRAPE_COARSE_ON : DRAPE_COARSE_OFF;
         drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
-        assert_int_equal(seen.previews, on);
+        assert_int_equal(seen.previews, 2 * on);
         assert_int_equal(seen.draped, 4);
         drape_sim_free(sim);
         drape_scene_free(scene);
