@@ -476,11 +476,12 @@ static drape_status find_correction(struct dr_state *s, bool *ret_found, drape_e
     return status < 0 ? status : touch(s, reterr);
 }
 
-/* x and w such that the whole step is allowed and stops at the bodies. */
-static void clip(struct dr_state *s)
+/* w such that the whole step stops at the bodies and takes no part of the cloth through another. `allowed`: it
+ * does not as it is, but stopping a node may let others run into it. */
+static void clip(struct dr_state *s, bool allowed)
 {
-    if (s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH) &&
-        s->cloth->self)
+    bool stopped = s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+    if (s->cloth->self && (stopped || !allowed))
         dr_self_clip(s->cloth->self, s->x, s->w);
 }
 
@@ -504,7 +505,7 @@ static drape_status pass(struct dr_state *s, bool *ret_more, drape_error *reterr
     if (status < 0 || !found)
         return status;
     shorten(s, MOST_STRAIN);
-    clip(s);
+    clip(s, true);
     for (int tries = 0; tries < MOST_TRIES; tries++) {
         double drop = here - look_ahead(s, &there);
         if (drop > 0 && isfinite(drop)) {
@@ -553,7 +554,7 @@ static drape_status chords(struct dr_state *s, drape_error *reterr)
         drape_status status = solve_model(s, reterr);
         if (status < 0 || s->negative)
             return status;
-        clip(s);
+        clip(s, false);
         double strain, foreseen = 0.5 * dr_state_dot(s, s->f, s->w);
         dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
         double drop = s->row.energy.potential - look_ahead(s, &there);
@@ -724,7 +725,7 @@ static drape_status advance(struct dr_state *s, drape_error *reterr)
 
     if (!improved(s, size))
         return bite(s, reterr);
-    clip(s);
+    clip(s, true);
     double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &s->strain);
     double potential = look_ahead(s, &there);
     s->ratio = isfinite(potential) ? (here->potential - potential + false_stretch) / s->predicted : -INFINITY;
