@@ -74,7 +74,7 @@
 #define GAP_PRECISION 0.3  /* of the preconditioned residual, relative to that of the whole force */
 #define LONGEST_MOVE  0.05 /* m; a longer step is scaled down as a whole */
 #define MOST_STRAIN   0.5  /* likewise */
-#define MOST_TRUE     0.05 /* likewise, of a step with the true Hessian */
+#define MOST_TRUE     0.25 /* likewise, of a step with the true Hessian */
 #define MOST_HALVINGS 20   /* of a step that the model says climbs */
 #define LOCKED        0.1  /* part of a step that the cloth allows; below, single nodes are held */
 #define MOST_TURN     0.6  /* rad: of a corrected step, while its gaps are looked at */
