@@ -96,11 +96,11 @@ static void key_of(const drape_body *body, unsigned char ret[crypto_hash_sha256_
 
 /* Builds what the entry, which others may wait for, stands for. */
 static drape_status build(struct fields *fields, struct entry *entry, const drape_body *body, size_t number,
-                          drape_field **ret, drape_error *reterr)
+                          drape_processors *processors, drape_field **ret, drape_error *reterr)
 {
     drape_field *field = NULL;
     int64_t began = clock_monotonic_ms();
-    drape_status status = drape_field_new(body, number, &field, reterr);
+    drape_status status = drape_field_new(body, number, processors, &field, reterr);
     metrics_observe(fields->metrics, METRIC_FIELD_SECONDS, (double)(clock_monotonic_ms() - began) / 1000);
     pthread_mutex_lock(&fields->lock);
     if (status < 0) {
@@ -117,8 +117,8 @@ static drape_status build(struct fields *fields, struct entry *entry, const drap
     return status;
 }
 
-drape_status fields_get(struct fields *fields, const drape_body *body, size_t number, drape_field **ret,
-                        drape_error *reterr)
+drape_status fields_get(struct fields *fields, const drape_body *body, size_t number,
+                        drape_processors *processors, drape_field **ret, drape_error *reterr)
 {
     struct entry *fresh = calloc(1, sizeof *fresh), *entry;
     if (fresh == NULL) {
@@ -139,7 +139,7 @@ drape_status fields_get(struct fields *fields, const drape_body *body, size_t nu
     metrics_add(fields->metrics, entry != NULL ? METRIC_FIELD_HITS : METRIC_FIELD_MISSES, 1);
     pthread_mutex_unlock(&fields->lock);
     if (entry == NULL)
-        return build(fields, fresh, body, number, ret, reterr);
+        return build(fields, fresh, body, number, processors, ret, reterr);
     free(fresh);
     return DRAPE_OK;
 }

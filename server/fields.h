@@ -18,9 +18,9 @@ struct metrics;
 struct fields *fields_new(size_t max_bytes, struct metrics *metrics); /* NULL when out of memory */
 
 /* The field of a body that is a mesh, number `number` of its scene: a reference that the caller gives back.
- * Refuses what drape_field_new refuses. */
-drape_status fields_get(struct fields *fields, const drape_body *body, size_t number, drape_field **ret,
-                        drape_error *reterr);
+ * Refuses what drape_field_new refuses. `processors`: see there. */
+drape_status fields_get(struct fields *fields, const drape_body *body, size_t number,
+                        drape_processors *processors, drape_field **ret, drape_error *reterr);
 
 struct fields *fields_free(struct fields *fields); /* nobody waits any more; NULL is fine; returns NULL */
 

@@ -76,7 +76,8 @@ static drape_status share_fields(struct run *run, drape_error *reterr)
             continue;
         if (last.keyframes)
             last.positions = last.keyframe[last.keyframes - 1];
-        status = fields_get(run->task->fields, &last, b, &run->spec->body[b].field, reterr);
+        status =
+            fields_get(run->task->fields, &last, b, run->task->processors, &run->spec->body[b].field, reterr);
     }
     return status;
 }

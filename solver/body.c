@@ -62,7 +62,7 @@ static drape_status take_mesh(struct dr_body *body, const drape_body *desc, int6
         return DRAPE_OK;
     }
     return dr_field_new(desc->positions, desc->vertices, desc->triangle, desc->triangles, DR_BODY_REACH,
-                        number, &body->field, reterr);
+                        number, NULL, &body->field, reterr);
 }
 
 drape_status dr_body_new(const drape_body *desc, int64_t number, struct dr_body **ret, drape_error *reterr)
@@ -144,13 +144,20 @@ struct dr_body *dr_body_free(struct dr_body *body)
     return NULL;
 }
 
-drape_status drape_field_new(const drape_body *body, size_t number, drape_field **ret, drape_error *reterr)
+drape_status drape_field_new(const drape_body *body, size_t number, drape_processors *processors,
+                             drape_field **ret, drape_error *reterr)
 {
+    struct dr_hand hand = {.processors = processors};
     drape_status status = dr_body_check_mesh(body, (int64_t)number, reterr);
     if (status < 0)
         return status;
-    return dr_field_new(body->positions, body->vertices, body->triangle, body->triangles, DR_BODY_REACH,
-                        (int64_t)number, ret, reterr);
+    if (processors)
+        dr_processors_enter(processors);
+    status = dr_field_new(body->positions, body->vertices, body->triangle, body->triangles, DR_BODY_REACH,
+                          (int64_t)number, &hand, ret, reterr);
+    if (processors)
+        dr_processors_leave(processors);
+    return status;
 }
 
 drape_field *drape_field_ref(drape_field *field)

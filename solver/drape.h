@@ -116,6 +116,17 @@ typedef struct drape_material {
                                       * pattern; strains are told from there, and it weighs what was cut; 0 */
 } drape_material;
 
+/* Processors that sims share. A running sim uses one; while there is one that none uses, it borrows that,
+ * some milliseconds at a time, for half of its linear algebra and of its distances to bodies. So does a field
+ * in the making. What comes out is the same to the last bit. Lent by `count` / 2 threads, or as many as the
+ * system grants, which wait meanwhile and leave with drape_processors_free. One lock inside; any thread. */
+typedef struct drape_processors drape_processors;
+
+/* NULL: out of memory. */
+drape_processors *drape_processors_new(size_t count);
+drape_processors *
+drape_processors_free(drape_processors *processors); /* no sim uses them; NULL is fine; returns NULL */
+
 /* A closed mesh as a signed distance, which takes about a second to build for 27 000 triangles. Immutable,
  * and shareable by scenes and threads: references are counted, and the last one given back frees it. */
 typedef struct dr_field drape_field;
@@ -150,8 +161,10 @@ typedef struct drape_body {
 } drape_body;
 
 /* Checks the arrays of a MESH and builds its field; *ret is one reference, the caller's. `number` is the
- * body's in its scene, for the error. */
-drape_status drape_field_new(const drape_body *body, size_t number, drape_field **ret, drape_error *reterr);
+ * body's in its scene, for the error. `processors` (NULL: none) may lend one for the time, without a
+ * difference to the field. */
+drape_status drape_field_new(const drape_body *body, size_t number, drape_processors *processors,
+                             drape_field **ret, drape_error *reterr);
 drape_field *drape_field_ref(drape_field *field);   /* one reference more; returns the field */
 drape_field *drape_field_unref(drape_field *field); /* gives one back; NULL is fine; returns NULL */
 size_t drape_field_bytes(const drape_field *field);
@@ -340,17 +353,6 @@ drape_analyses *drape_analyses_new(size_t max_bytes);
 drape_analyses *
 drape_analyses_free(drape_analyses *analyses); /* no sim uses it; NULL is fine; returns NULL */
 drape_analyses_counts drape_analyses_count(drape_analyses *analyses);
-
-/* Processors that sims share. A running sim uses one; while there is one that none uses, it borrows that,
- * some milliseconds at a time, for half of its linear algebra and of its distances to bodies. What comes out
- * is the same to the last bit. Lent by `count` / 2 threads, or as many as the system grants, which wait
- * meanwhile and leave with drape_processors_free. One lock inside; any thread. */
-typedef struct drape_processors drape_processors;
-
-/* NULL: out of memory. */
-drape_processors *drape_processors_new(size_t count);
-drape_processors *
-drape_processors_free(drape_processors *processors); /* no sim uses them; NULL is fine; returns NULL */
 
 /* ---- options -------------------------------------------------------------------------------- */
 

@@ -18,7 +18,7 @@
 
 #include <stdatomic.h>
 
-#include "drape.h"
+#include "hand.h"
 
 #define DR_BLOCK       8 /* nodes along a block's edge */
 #define DR_BLOCK_NODES ((size_t)DR_BLOCK * DR_BLOCK * DR_BLOCK)
@@ -43,10 +43,11 @@ struct dr_field {
 };
 
 /* The mesh must have passed dr_body_check. DRAPE_EINVAL (place DRAPE_AT_BODY `number`) when even the
- * coarsest spacing breaks a limit. Needs 9 bytes per node of scratch memory meanwhile. */
+ * coarsest spacing breaks a limit. Needs 9 bytes per node of scratch memory meanwhile. The field is the same
+ * with and without a processor lent by `hand` (NULL is fine). */
 drape_status dr_field_new(const double *positions, size_t vertices, const uint32_t *triangle,
-                          size_t triangles, double reach, int64_t number, struct dr_field **ret,
-                          drape_error *reterr);
+                          size_t triangles, double reach, int64_t number, struct dr_hand *hand,
+                          struct dr_field **ret, drape_error *reterr);
 struct dr_field *dr_field_ref(struct dr_field *field);   /* one reference more; returns the field */
 struct dr_field *dr_field_unref(struct dr_field *field); /* the last frees it; NULL is fine; returns NULL */
 size_t dr_field_bytes(const struct dr_field *field);

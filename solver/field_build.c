@@ -8,7 +8,9 @@
  *   6. finish   square roots, signs, metres
  *   7. sharpen  from distances to the spline's coefficients
  *
- * Steps 1 to 3 tell what the field will cost; too much, and they start again with a wider spacing. */
+ * Steps 1 to 3 tell what the field will cost; too much, and they start again with a wider spacing. Steps 3 to
+ * 5 are done in two halves of the grid (hand.h), cut where half of the triangles lie on either side; what has
+ * to be handed across the cut follows. */
 #include "field.h"
 
 #include <assert.h>
@@ -31,6 +33,13 @@ struct facet {
     double low[3], high[3]; /* bounding box */
 };
 
+/* Blocks from .. to-1 along an axis: all of the grid, or half of it. */
+struct span {
+    int axis;
+    uint32_t from, to;
+};
+
+/* Each half works with a copy of it. */
 struct builder {
     const uint32_t *triangle;
     size_t triangles, vertices;
@@ -43,6 +52,10 @@ struct builder {
     uint32_t *place;   /* field->blocks: index of the block in the table */
     uint32_t *nearest; /* nodes: triangle; NO_TRIANGLE: none yet */
     size_t work;       /* point-triangle distances of this pass, done or foreseen */
+    struct dr_hand *hand;
+    struct span span;    /* where it works */
+    uint32_t cut;        /* between the halves, along that axis */
+    struct queue *queue; /* of step 5: 2 */
 };
 
 /* ---- the distance to a triangle -------------------------------------------------------------- */
@@ -284,6 +297,57 @@ static void scale_mesh(struct builder *b, const double *positions)
     }
 }
 
+/* ---- halves ---------------------------------------------------------------------------------- */
+
+/* Triangles that reach below block `at` of the axis. */
+static size_t count_below(const struct builder *b, int axis, uint32_t at)
+{
+    size_t count = 0;
+    for (size_t t = 0; t < b->triangles; t++)
+        count += b->facet[t].low[axis] < (double)DR_BLOCK * at;
+    return count;
+}
+
+/* The first cut along the longest side that half of the triangles lie below. */
+static void choose_cut(struct builder *b)
+{
+    const uint32_t *side = b->field->side;
+    int axis = side[1] >= side[0] && side[1] >= side[2] ? 1 : side[2] > side[0] ? 2 : 0;
+    uint32_t low = 1, high = side[axis] - 1; /* there are three blocks at least: the outermost are empty */
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (2 * count_below(b, axis, middle) < b->triangles)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    b->span = (struct span){axis, 0, side[axis]};
+    b->cut = low;
+}
+
+typedef void half_step(struct builder *b);
+
+struct halves {
+    struct builder builder[2];
+    half_step *step;
+};
+
+static void run_half(void *context, int half)
+{
+    struct halves *halves = context;
+    halves->step(halves->builder + half);
+}
+
+/* Takes a step in both halves of the grid, which write to no block of each other's. */
+static void in_halves(struct builder *b, half_step *step)
+{
+    struct halves halves = {{*b, *b}, step};
+    halves.builder[0].span.to = halves.builder[1].span.from = b->cut;
+    halves.builder[0].work = halves.builder[1].work = 0;
+    dr_hand_both(b->hand, run_half, &halves);
+    b->work += halves.builder[0].work + halves.builder[1].work;
+}
+
 /* ---- 3. mark --------------------------------------------------------------------------------- */
 
 static size_t table_index(const struct dr_field *field, uint32_t i, uint32_t j, uint32_t k)
@@ -328,20 +392,23 @@ static void visit_near_blocks(struct builder *b, uint32_t t, struct block_box bo
     visit_near_blocks(b, t, upper, band, visit);
 }
 
-/* Visits, for every triangle, the blocks within `band` of it; false when that is too much work. */
-static bool visit_surface(struct builder *b, double band, block_visitor *visit)
+/* Visits, for every triangle, the blocks of the span within `band` of it, until that is too much work. */
+static void visit_surface(struct builder *b, double band, block_visitor *visit)
 {
-    for (uint32_t t = 0; t < b->triangles; t++) {
+    const struct span *span = &b->span;
+    for (uint32_t t = 0; t < b->triangles && b->work <= DR_FIELD_MAX_WORK; t++) {
         struct block_box box;
         for (int d = 0; d < 3; d++) {
             box.low[d] = (uint32_t)(b->facet[t].low[d] - band) / DR_BLOCK;
             box.high[d] = (uint32_t)(b->facet[t].high[d] + band) / DR_BLOCK;
         }
-        visit_near_blocks(b, t, box, band, visit);
-        if (b->work > DR_FIELD_MAX_WORK)
-            return false;
+        if (box.low[span->axis] < span->from)
+            box.low[span->axis] = span->from;
+        if (box.high[span->axis] >= span->to)
+            box.high[span->axis] = span->to - 1;
+        if (box.low[span->axis] <= box.high[span->axis])
+            visit_near_blocks(b, t, box, band, visit);
     }
-    return true;
 }
 
 /* The nodes of one block that lie within SPLAT of a triangle's bounding box: from .. to-1. */
@@ -371,11 +438,17 @@ static void mark_block(struct builder *b, uint32_t t, const uint32_t block[3])
     b->field->table[table_index(b->field, block[0], block[1], block[2])] = 1;
 }
 
-/* Marks the blocks that the field needs and numbers them; false when they are too many. */
+static void mark_half(struct builder *b)
+{
+    visit_surface(b, b->band, mark_block);
+}
+
+/* Marks the blocks that the field needs and numbers them; false when they are too many, or too much work. */
 static bool mark_blocks(struct builder *b)
 {
     struct dr_field *field = b->field;
-    if (!visit_surface(b, b->band, mark_block))
+    in_halves(b, mark_half);
+    if (b->work > DR_FIELD_MAX_WORK)
         return false;
     for (size_t r = 0; r < b->runs; r++) {
         const struct dr_run *run = b->run + r;
@@ -416,6 +489,7 @@ static drape_status try_spacing(struct builder *b, const double *positions, cons
     field->table = calloc(table_index(field, 0, 0, field->side[2]), sizeof *field->table);
     if (!field->table)
         return dr_out_of_memory(reterr);
+    choose_cut(b);
     *ret_fits = mark_blocks(b);
     return DRAPE_OK;
 }
@@ -522,6 +596,11 @@ static void splat_block(struct builder *b, uint32_t t, const uint32_t block[3])
             }
 }
 
+static void splat_half(struct builder *b)
+{
+    visit_surface(b, SPLAT, splat_block);
+}
+
 /* ---- 5. spread ------------------------------------------------------------------------------- */
 
 /* First in, first out; a node waits at most once, so that one slot per node suffices. */
@@ -569,43 +648,98 @@ static bool offer(struct builder *b, size_t node, const double p[3], uint32_t t)
     return true;
 }
 
-/* Offers a node's triangle to its six neighbours; those that take it will hand it on. */
+/* Offers a node's triangle to its six neighbours in the span; those that take it will hand it on. */
 static void spread_from(struct builder *b, struct queue *queue, size_t node)
 {
     const struct dr_field *field = b->field;
+    const struct span *span = &b->span;
     uint32_t at[3];
     node_place(b, node, at);
     /* A neighbour is one unit away: this triangle is at least the distance less one from it. */
     double least = fmax(sqrt((double)field->value[node]) - 1, 0);
     for (int k = 0; k < 6; k++) {
+        uint32_t along = at[k / 2] + (k % 2 ? 1 : -1u);
+        if (k / 2 == span->axis && along / DR_BLOCK - span->from >= span->to - span->from)
+            continue;
         size_t neighbor = neighbor_of(b, node, k);
         if (neighbor < DR_BLOCK_NODES || b->nearest[neighbor] == b->nearest[node] ||
             (double)field->value[neighbor] <= least * least)
             continue; /* the far block, nothing new, or nearer already */
         double p[3] = {at[0], at[1], at[2]};
-        p[k / 2] += k % 2 ? 1 : -1;
+        p[k / 2] = along;
         if (offer(b, neighbor, p, b->nearest[node]))
             queue_push(queue, neighbor);
     }
 }
 
-/* Hands nearest triangles on from the outer shell of the splatted nodes until nothing changes. */
-static bool spread(struct builder *b)
+/* Hands nearest triangles on until nothing changes. */
+static void spread(struct builder *b, struct queue *queue)
 {
-    size_t nodes = b->field->blocks * DR_BLOCK_NODES;
-    struct queue queue = {malloc(nodes * sizeof *queue.node), calloc(nodes, sizeof *queue.waiting), nodes, 0,
-                          0};
-    bool ok = queue.node && queue.waiting;
-    if (ok) {
-        for (size_t n = DR_BLOCK_NODES; n < nodes; n++)
+    while (queue->count)
+        spread_from(b, queue, queue_pop(queue));
+}
+
+/* Along the axis of the halves. */
+static uint32_t block_along(const struct builder *b, size_t block)
+{
+    const uint32_t *side = b->field->side;
+    const uint32_t of[3] = {b->place[block] % side[0], b->place[block] / side[0] % side[1],
+                            b->place[block] / side[0] / side[1]};
+    return of[b->span.axis];
+}
+
+/* From the outer shell of the splatted nodes of the span. */
+static void spread_half(struct builder *b)
+{
+    struct queue *queue = b->queue + (b->span.from > 0);
+    for (size_t block = 1; block < b->field->blocks; block++) {
+        if (block_along(b, block) - b->span.from >= b->span.to - b->span.from)
+            continue;
+        for (size_t n = block * DR_BLOCK_NODES; n < (block + 1) * DR_BLOCK_NODES; n++)
             if (b->nearest[n] != NO_TRIANGLE && b->field->value[n] > (SPLAT - 1) * (SPLAT - 1))
-                queue_push(&queue, n);
-        while (queue.count)
-            spread_from(b, &queue, queue_pop(&queue));
+                queue_push(queue, n);
     }
-    free(queue.node);
-    free(queue.waiting);
-    return ok;
+    spread(b, queue);
+}
+
+/* From both sides of the cut. */
+static void spread_across(struct builder *b, struct queue *queue)
+{
+    for (size_t block = 1; block < b->field->blocks; block++) {
+        uint32_t along = block_along(b, block);
+        if (along + 1 != b->cut && along != b->cut)
+            continue;
+        size_t layer = along == b->cut ? 0 : DR_BLOCK - 1;
+        for (size_t n = 0; n < DR_BLOCK_NODES; n++) {
+            size_t node = block * DR_BLOCK_NODES + n;
+            if ((n >> 3 * b->span.axis) % DR_BLOCK == layer && b->nearest[node] != NO_TRIANGLE)
+                queue_push(queue, node);
+        }
+    }
+    spread(b, queue);
+}
+
+/* False: out of memory. */
+static bool spread_all(struct builder *b)
+{
+    size_t blocks = b->field->blocks, nodes = blocks * DR_BLOCK_NODES, lower = 0;
+    for (size_t block = 1; block < blocks; block++)
+        lower += block_along(b, block) < b->cut;
+    lower *= DR_BLOCK_NODES;
+    uint32_t *node = malloc(nodes * sizeof *node);
+    bool *waiting = calloc(nodes, sizeof *waiting);
+    if (node && waiting) {
+        struct queue half[2] = {{node, waiting, lower, 0, 0}, {node + lower, waiting, nodes - lower, 0, 0}},
+                     whole = {node, waiting, nodes, 0, 0};
+        b->queue = half;
+        in_halves(b, spread_half);
+        b->queue = NULL;
+        spread_across(b, &whole);
+    }
+    bool done = node && waiting;
+    free(node);
+    free(waiting);
+    return done;
 }
 
 /* ---- 7. sharpen ------------------------------------------------------------------------------ */
@@ -662,10 +796,9 @@ static drape_status build(struct builder *b, const double *positions, int64_t nu
         return dr_out_of_memory(reterr);
     change_inside(b, unbounded);
     b->work = 0;
-    bool whole = visit_surface(b, SPLAT, splat_block);
-    assert(whole); /* step 3 counted at least this much work, and it was within the limit */
-    (void)whole;
-    if (!spread(b))
+    in_halves(b, splat_half);
+    assert(b->work <= DR_FIELD_MAX_WORK); /* step 3 counted at least this much */
+    if (!spread_all(b))
         return dr_out_of_memory(reterr);
 
     for (size_t n = 0; n < field->blocks * DR_BLOCK_NODES; n++)
@@ -675,10 +808,10 @@ static drape_status build(struct builder *b, const double *positions, int64_t nu
 }
 
 drape_status dr_field_new(const double *positions, size_t vertices, const uint32_t *triangle,
-                          size_t triangles, double reach, int64_t number, struct dr_field **ret,
-                          drape_error *reterr)
+                          size_t triangles, double reach, int64_t number, struct dr_hand *hand,
+                          struct dr_field **ret, drape_error *reterr)
 {
-    struct builder b = {.triangle = triangle, .triangles = triangles, .vertices = vertices};
+    struct builder b = {.triangle = triangle, .triangles = triangles, .vertices = vertices, .hand = hand};
     if (vertices > SIZE_MAX / (3 * sizeof *b.point) || triangles > SIZE_MAX / sizeof *b.facet)
         return dr_out_of_memory(reterr);
     b.field = calloc(1, sizeof *b.field);

@@ -136,7 +136,7 @@ static void test_motion__a_shared_field_is_that_of_the_last_posture(void **state
     struct run own = run_new(&setup->desc, &options);
     drape_body last = mover.body;
     last.positions = mover.moved;
-    assert_int_equal(drape_field_new(&last, 0, &mover.body.field, NULL), DRAPE_OK);
+    assert_int_equal(drape_field_new(&last, 0, NULL, &mover.body.field, NULL), DRAPE_OK);
     struct run shared = run_new(&setup->desc, &options);
     drape_field_unref(mover.body.field);
     assert_int_equal(own.report->iterations, shared.report->iterations);

@@ -55,7 +55,7 @@ static size_t ask(struct fields *fields, double size, drape_field **ret_seen)
     drape_field *field = NULL;
     drape_error error;
     shape_make(&shape, size);
-    assert_int_equal(fields_get(fields, &shape.body, 0, &field, &error), DRAPE_OK);
+    assert_int_equal(fields_get(fields, &shape.body, 0, NULL, &field, &error), DRAPE_OK);
     assert_non_null(field);
     size_t bytes = drape_field_bytes(field);
     if (ret_seen)
@@ -100,7 +100,7 @@ static void *ask_and_keep(void *data)
     shape_make(&shape, asker->size);
     if (asker->size == 0)
         shape.body.triangles = 3;
-    asker->status = fields_get(asker->fields, &shape.body, 0, &asker->field, &error);
+    asker->status = fields_get(asker->fields, &shape.body, 0, NULL, &asker->field, &error);
     return NULL;
 }
 
@@ -150,7 +150,7 @@ static void test_fields__what_is_refused_is_refused_to_all_and_not_kept(void **s
     drape_error error;
     shape_make(&shape, 0.2);
     shape.body.triangles = 3; /* too few to enclose anything */
-    assert_int_equal(fields_get(fields, &shape.body, 5, &field, &error), DRAPE_EINVAL);
+    assert_int_equal(fields_get(fields, &shape.body, 5, NULL, &field, &error), DRAPE_EINVAL);
     assert_int_equal(error.body, 5);
     assert_int_equal(error.place, DRAPE_AT_BODY);
     fields_free(fields);
@@ -188,7 +188,7 @@ static void test_fields__a_field_past_the_limit_is_lent_but_not_kept(void **stat
     drape_field *field;
     drape_error error;
     shape_make(&shape, 0.2);
-    assert_int_equal(fields_get(fields, &shape.body, 0, &field, &error), DRAPE_OK);
+    assert_int_equal(fields_get(fields, &shape.body, 0, NULL, &field, &error), DRAPE_OK);
     expect(metrics, 0, 1, 0);
     assert_true(drape_field_bytes(field) > 1000);
     drape_field_unref(field);

@@ -467,7 +467,7 @@ static void test_body__bodies_share_a_field_until_the_last_gives_it_back(void **
     drape_body desc = shape_body(&box);
     struct dr_body *own = make_shape(&box), *first = NULL, *second = NULL;
     drape_field *field = NULL;
-    assert_int_equal(drape_field_new(&desc, 0, &field, NULL), DRAPE_OK);
+    assert_int_equal(drape_field_new(&desc, 0, NULL, &field, NULL), DRAPE_OK);
     assert_true(drape_field_bytes(field) > 100000);
     desc.field = field;
     assert_int_equal(dr_body_new(&desc, 0, &first, NULL), DRAPE_OK);
@@ -499,7 +499,7 @@ static void test_body__a_field_of_an_open_mesh_is_refused(void **state)
     drape_field *field = NULL;
     drape_error error;
     desc.triangles--;
-    assert_int_equal(drape_field_new(&desc, 2, &field, &error), DRAPE_EINVAL);
+    assert_int_equal(drape_field_new(&desc, 2, NULL, &field, &error), DRAPE_EINVAL);
     assert_null(field);
     assert_int_equal(error.place, DRAPE_AT_BODY_TRIANGLE);
     assert_int_equal(error.body, 2);

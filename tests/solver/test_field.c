@@ -18,7 +18,8 @@ static void test_field__every_processor_reads_the_same_bytes(void **state)
     uint64_t random = 3;
     size_t within = 0;
     assert_int_equal(
-        dr_field_new(ball.x, ball.vertices, ball.triangle, ball.triangles, 0.06, 0, &field, NULL), DRAPE_OK);
+        dr_field_new(ball.x, ball.vertices, ball.triangle, ball.triangles, 0.06, 0, NULL, &field, NULL),
+        DRAPE_OK);
     for (int i = 0; i < 20000; i++) {
         double x[3], phi[2] = {7, 7}, grad[2][3] = {{7, 7, 7}, {7, 7, 7}};
         for (int d = 0; d < 3; d++)
@@ -35,6 +36,35 @@ static void test_field__every_processor_reads_the_same_bytes(void **state)
 #else
     skip();
 #endif
+}
+
+/* Of a body that is longest along any of the axes. */
+static void test_field__a_lent_processor_changes_nothing(void **state)
+{
+    (void)state;
+    drape_processors *processors = drape_processors_new(2);
+    assert_non_null(processors);
+    for (int axis = 0; axis < 3; axis++) {
+        struct shape ball = shape_sphere((double[]){0, 0, 0}, 0.05, 12);
+        drape_field *field[2] = {NULL, NULL};
+        drape_body body = {.kind = DRAPE_BODY_MESH,
+                           .positions = ball.x,
+                           .triangle = ball.triangle,
+                           .vertices = ball.vertices,
+                           .triangles = ball.triangles};
+        for (size_t v = 0; v < ball.vertices; v++)
+            ball.x[3 * v + (size_t)axis] *= 2;
+        for (int lent = 0; lent < 2; lent++)
+            assert_int_equal(drape_field_new(&body, 0, lent ? processors : NULL, &field[lent], NULL),
+                             DRAPE_OK);
+        assert_int_equal(field[0]->blocks, field[1]->blocks);
+        assert_memory_equal(field[0]->value, field[1]->value,
+                            field[0]->blocks * DR_BLOCK_NODES * sizeof *field[0]->value);
+        for (int lent = 0; lent < 2; lent++)
+            drape_field_unref(field[lent]);
+        shape_free(&ball);
+    }
+    drape_processors_free(processors);
 }
 
 /* A triangle of a few units; every fourth is a needle, an edge or a point. */
@@ -96,6 +126,7 @@ static void test_field__a_row_takes_what_each_of_its_nodes_would(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_field__a_lent_processor_changes_nothing),
         cmocka_unit_test(test_field__every_processor_reads_the_same_bytes),
         cmocka_unit_test(test_field__a_row_takes_what_each_of_its_nodes_would),
     };
