@@ -8,8 +8,8 @@
 
 #include "clock.h"
 
-/* queued, running, two previews, end: what an attempt tells; more is kept for jobs that a drain put back. */
-#define KEPT_STATES 8
+/* queued, running, a preview and one more for each doubling of the iterations, end: what an attempt tells. */
+#define KEPT_STATES 16
 
 /* What browsers should wait before they come back, ms. */
 #define RETRY_LINE "retry: 3000\n\n"

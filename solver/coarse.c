@@ -1,7 +1,8 @@
-/* coarse.c - the first phase of a fine cloth: sews and drapes the coarse one, and carries it up.
+/* coarse.c - the first phase of a fine cloth: sews the coarse one and carries it up; and first looks.
  *
- * The coarse cloth is a scene of its own, with the same bodies and fabrics, and runs as any other. It need
- * not come to rest: its wrinkles are those of its own mesh. */
+ * The coarse cloth is a scene of its own, with the same bodies and fabrics, and runs as any other, but for
+ * one iteration only, which takes out what sewing strained: its wrinkles would be those of its own mesh, and
+ * to begin with them cost a dress of 29 883 triangles a fifth more iterations than to begin without. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,7 +10,7 @@
 #include "self.h"
 #include "sim.h"
 
-#define ITERATIONS 12   /* of draping at most */
+#define ITERATIONS 1    /* of draping at most */
 #define TOLERANCE  1e-2 /* likewise, where the job's is no coarser */
 
 struct run {
@@ -64,6 +65,18 @@ static int relay(const drape_progress *progress, void *data)
     told.row.seconds = dr_clock() - run->sim->began;
     dr_sim_tell(run->sim, &told);
     return dr_sim_interrupted(run->sim);
+}
+
+void dr_coarse_show(const struct drape_sim *sim, const double *x)
+{
+    const drape_scene *scene = sim->scene;
+    const struct dr_coarse *mesh = scene->coarse;
+    double *positions = malloc(3 * mesh->vertices * sizeof *positions);
+    for (size_t v = 0; positions && v < mesh->vertices; v++) /* each is a corner, and so of a node */
+        memcpy(positions + 3 * v, x + 3 * (size_t)scene->vertex_node[mesh->vertex[v]], 3 * sizeof *x);
+    if (positions)
+        show(sim, positions);
+    free(positions);
 }
 
 /* ---- the run ------------------------------------------------------------------------------------- */
@@ -168,8 +181,6 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
         *reterr = error;
     }
     if (*ret_carried) {
-        if (sim->options.preview)
-            show(sim, coarse->positions);
         sim->report.coarse_carried = true;
         sim->report.sewing_iterations = coarse->report.sewing_iterations;
         sim->report.seam_gap = coarse->report.seam_gap;

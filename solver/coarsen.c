@@ -52,10 +52,16 @@ static const double *pattern_of(const struct coarsening *c, uint32_t v)
     return c->desc->pattern + 2 * (size_t)v;
 }
 
+/* Of the edge's length; coordinates are bounded, and no square overflows. */
+static double square_of(const struct coarsening *c, uint32_t a, uint32_t b)
+{
+    const double *p = pattern_of(c, a), *q = pattern_of(c, b), u = p[0] - q[0], v = p[1] - q[1];
+    return u * u + v * v;
+}
+
 static double length_of(const struct coarsening *c, uint32_t a, uint32_t b)
 {
-    const double *p = pattern_of(c, a), *q = pattern_of(c, b);
-    return hypot(p[0] - q[0], p[1] - q[1]);
+    return sqrt(square_of(c, a, b));
 }
 
 /* Twice the area, signed. */
@@ -67,9 +73,8 @@ static double area_of(const double *a, const double *b, const double *c)
 /* 2 sqrt(3) times twice the area over the sum of squared sides: 1 where they are equal, < 0 turned over. */
 static double shape_of(const struct coarsening *c, uint32_t i, uint32_t j, uint32_t k)
 {
-    double l = length_of(c, i, j), m = length_of(c, j, k), n = length_of(c, k, i);
     return 2 * sqrt(3) * area_of(pattern_of(c, i), pattern_of(c, j), pattern_of(c, k)) /
-           (l * l + m * m + n * n);
+           (square_of(c, i, j) + square_of(c, j, k) + square_of(c, k, i));
 }
 
 /* Of p in a triangle. */
@@ -436,7 +441,7 @@ static size_t list_collapses(struct coarsening *c)
         uint32_t v = c->triangle[i];
         if (v == DR_NONE || c->kind[v] == KEPT || c->node[v] != v)
             continue;
-        for (int k = 0; k < 2; k++) {
+        for (int k = c->kind[v] == INNER; k < 2; k++) { /* whose every neighbour comes after it once */
             uint32_t w = c->triangle[k ? after(i) : before(i)];
             double length = length_of(c, v, w);
             bool open =
@@ -464,11 +469,14 @@ static size_t collapse_some(struct coarsening *c, size_t enough)
     return done;
 }
 
-/* Flips the edge from corner i to the next if that makes the worse of its two triangles better. */
+/* Flips the edge from corner i to the next if that makes the worse of its two triangles better. Only where
+ * the pass has changed something: the rest is as it was. */
 static bool flip(struct coarsening *c, uint32_t i)
 {
     const uint32_t *material = c->desc->triangle_material;
     uint32_t a = c->triangle[i], b = c->triangle[after(i)], p = c->triangle[before(i)], at = DR_NONE;
+    if (!c->touched[a] && !c->touched[b] && !c->touched[p])
+        return false;
     for (uint32_t j = c->first[a]; j != DR_NONE; j = c->next[j])
         if (j / 3 != i / 3 && c->triangle[before(j)] == b)
             at = j;
@@ -487,6 +495,7 @@ static bool flip(struct coarsening *c, uint32_t i)
     leave(c, at);
     enter(c, at, p);
     place_guests(c, list, p);
+    c->touched[a] = c->touched[b] = c->touched[p] = c->touched[q] = true;
     return true;
 }
 

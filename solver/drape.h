@@ -178,12 +178,12 @@ typedef enum drape_self_contact {
     DRAPE_SELF_CONTACT_OFF
 } drape_self_contact;
 
-/* Whether the cloth is sewn and draped on an automatically coarsened mesh first, of about a quarter of
- * its triangles (solver/coarsen.h), and begins from there. The result is of the whole mesh either way;
- * the report's plan says what was decided. Only cloth that starts where its pieces were placed, among
- * bodies that stand, has a coarse mesh. Where the coarse cloth does not come out well, or crosses itself
- * once carried up, all begins anew without. AUTO leaves it out for now: with 12 iterations on the coarse
- * mesh a shirt of 9 906 triangles takes 0.8 of the time to rest, a dress of 29 883 takes 1.2. */
+/* Whether the cloth is sewn on an automatically coarsened mesh first, of about a ninth of its triangles
+ * (solver/coarsen.h), and begins from there. The result is of the whole mesh either way; the report's plan
+ * says what was decided. Only cloth that starts where its pieces were placed, among bodies that stand, has a
+ * coarse mesh. Where the coarse cloth does not come out well, or crosses itself once carried up, all begins
+ * anew without. AUTO does it where there are open seams and DRAPE_COARSE_FROM triangles. */
+#define DRAPE_COARSE_FROM 2000
 typedef enum drape_coarse { DRAPE_COARSE_AUTO = 0, DRAPE_COARSE_ON, DRAPE_COARSE_OFF } drape_coarse;
 
 /* A tape along edges of the cloth: a bar on each, of rest length R = factor times the edge's pattern length
@@ -433,8 +433,8 @@ typedef struct drape_progress {
  * drape_sim_cancel. Nonzero cancels. */
 typedef int drape_progress_fn(const drape_progress *progress, void *data);
 
-/* The coarse cloth of drape_coarse, a first look at the drape, long before it rests. All is lent until the
- * callback returns. */
+/* The cloth at the vertices of the coarse mesh of drape_coarse: a look at the drape, long before it rests.
+ * All is lent until the callback returns. */
 typedef struct drape_preview {
     size_t vertices, triangles, seams;
     const double *positions;  /* 3*vertices */
@@ -443,8 +443,8 @@ typedef struct drape_preview {
     const uint32_t *seam;     /* 2*seams, likewise */
 } drape_preview;
 
-/* Runs on the solving thread: once the coarse cloth is sewn, if it has seams to close, and once it is draped
- * and the whole cloth begins from there. */
+/* Runs on the solving thread: once the coarse cloth is sewn, if it has seams to close, and after iterations
+ * 1, 2, 4, 8 and so on of the whole cloth. Only where there is a coarse mesh. */
 typedef void drape_preview_fn(const drape_preview *preview, void *data);
 
 typedef struct drape_options {    /* start from drape_options_default() */

@@ -11,6 +11,7 @@
 #include "carry.h"
 #include "contact.h"
 #include "field.h"
+#include "scene.h"
 
 /* Bytes of matrix and factor: c n log2(n)^power. Sewn cloth closes into tubes, which take wider cuts. */
 struct fill {
@@ -32,8 +33,10 @@ static const struct fill sewn_whole = {1317, 1};
 #define EVEN_BEND 275.0 /* of 6 */
 #define STRESS    24.0
 #define FIT       72.0
-#define COARSE    200.0 /* the coarse mesh, a quarter of the triangles, and the way up */
+#define COARSE    200.0 /* the coarse mesh and the way up */
 #define NEAREST   100.0 /* of a body: the tree that its nearest points are found by */
+
+#define NINTH (1 / 9.0) /* of the triangles: what the coarse mesh has */
 
 /* Bytes a node. */
 #define ARRAY    24.0 /* one vector */
@@ -65,14 +68,6 @@ static bool is_explicit(const drape_options *options)
             options->method == DRAPE_METHOD_VELOCITY_CORRECTION);
 }
 
-static bool has_coarse_mesh(const drape_scene_desc *desc)
-{
-    for (size_t b = 0; b < desc->bodies; b++)
-        if (desc->body[b].keyframes)
-            return false;
-    return desc->coarse == DRAPE_COARSE_ON && !desc->start_pattern;
-}
-
 static double fill_bytes(struct fill fill, double nodes)
 {
     return fill.c * nodes * pow(log2(nodes + 1), fill.power);
@@ -82,7 +77,7 @@ static double fill_bytes(struct fill fill, double nodes)
 struct sizes {
     double vertices, nodes, triangles;
     double samples; /* for contact with bodies, nodes included */
-    bool sewn, even, touching, self;
+    bool sewn, coarse, even, touching, self;
 };
 
 static struct sizes count(const drape_scene_desc *desc, const drape_options *options)
@@ -90,6 +85,7 @@ static struct sizes count(const drape_scene_desc *desc, const drape_options *opt
     struct sizes n = {.vertices = (double)desc->vertices,
                       .triangles = (double)desc->triangles,
                       .sewn = desc->seams > 0,
+                      .coarse = !dr_scene_without_coarse(desc, desc->seams > 0),
                       .touching = desc->bodies > 0,
                       .self = keeps_off_itself(desc, options)};
     double least = INFINITY, most = 0;
@@ -214,8 +210,8 @@ static double held_bytes(const struct sizes *n, const drape_scene_desc *desc, co
                    ((double)options->max_iterations + 1) * sizeof(drape_row);
     if (n->sewn)
         bytes += mesh * n->triangles;
-    if (has_coarse_mesh(desc))
-        bytes += (COARSE + (n->sewn ? mesh / 4 : 0)) * n->triangles;
+    if (n->coarse)
+        bytes += (COARSE + (n->sewn ? mesh * NINTH : 0)) * n->triangles;
     if (options->fit)
         bytes += FIT * n->triangles;
     for (size_t b = 0; b < desc->bodies; b++)
@@ -223,11 +219,12 @@ static double held_bytes(const struct sizes *n, const drape_scene_desc *desc, co
     return bytes;
 }
 
+/* Of the coarse mesh, if there is one. */
 static double sewing_bytes(const struct sizes *n, double bodies)
 {
-    return n->sewn ? fill_bytes(sewn_hinges, n->vertices) * NOT_WELDED + 3 * ARRAY * n->vertices +
-                         STRESS * n->triangles + contact_bytes(n, bodies)
-                   : 0;
+    double bytes = fill_bytes(sewn_hinges, n->vertices) * NOT_WELDED + 3 * ARRAY * n->vertices +
+                   STRESS * n->triangles + contact_bytes(n, bodies);
+    return n->sewn ? bytes * (n->coarse ? NINTH : 1) : 0;
 }
 
 /* But for the matrix. */

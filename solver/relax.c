@@ -261,6 +261,9 @@ static __attribute__((noinline)) void record(struct dr_state *s)
     struct drape_sim *sim = s->sim;
     s->row.seconds = dr_clock() - sim->began;
     sim->row[sim->rows++] = s->row;
+    uint32_t k = s->row.iteration;
+    if (sim->options.preview && sim->scene->coarse && k && !(k & (k - 1))) /* a power of two */
+        dr_coarse_show(sim, s->x);
     dr_sim_tell(sim, &(drape_progress){DRAPE_PHASE_DRAPING, s->row, sim->report.stops, 0});
 }
 

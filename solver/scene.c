@@ -12,7 +12,7 @@
 #include "seam.h"
 
 #define LEAST_CHANGE 1e-9 /* of a length, relative, that makes another pattern */
-#define COARSER      2    /* edges of the coarse mesh over those of the fine one */
+#define COARSER      3    /* edges of the coarse mesh over those of the fine one */
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -665,16 +665,20 @@ static bool has_lines(const drape_scene_desc *desc)
 
 /* ---- the coarse mesh ---------------------------------------------------------------------------- */
 
-/* Why the scene has no coarse mesh; NULL: it has one. */
-static const char *reason_not_to_coarsen(const drape_scene_desc *desc, const drape_scene *scene)
+const char *dr_scene_without_coarse(const drape_scene_desc *desc, bool sewn)
 {
     if (desc->coarse == DRAPE_COARSE_OFF)
         return "switched off";
-    if (scene->draped)
+    if (desc->start_pattern)
         return "the start is a drape";
-    if (scene->path)
-        return "a body moves";
-    return desc->coarse == DRAPE_COARSE_AUTO ? "auto: it does not save time on every garment" : NULL;
+    for (size_t b = 0; b < desc->bodies; b++)
+        if (desc->body[b].keyframes)
+            return "a body moves";
+    if (desc->coarse == DRAPE_COARSE_AUTO && !sewn)
+        return "auto: nothing has to be sewn";
+    if (desc->coarse == DRAPE_COARSE_AUTO && desc->triangles < DRAPE_COARSE_FROM)
+        return "auto: the mesh is coarse itself";
+    return NULL;
 }
 
 /* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. What a fine mesh
@@ -701,7 +705,7 @@ static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
 static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
     drape_status status = DRAPE_OK;
-    scene->coarse_left_out = reason_not_to_coarsen(desc, scene);
+    scene->coarse_left_out = dr_scene_without_coarse(desc, scene->pieces);
     if (scene->coarse_left_out)
         return DRAPE_OK;
     if ((status = dr_coarsen(desc, COARSER * dr_mesh_edge(scene->mesh), &scene->coarse, reterr)) < 0)

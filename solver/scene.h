@@ -72,6 +72,10 @@ size_t dr_scene_bytes(const drape_scene *scene);
 size_t dr_scene_motion_bytes(const drape_scene *scene);
 size_t dr_scene_coarse_bytes(const drape_scene *scene);
 
+/* Why a scene has no coarse mesh, see drape_coarse; NULL: it gets one, if its mesh lets itself be coarsened.
+ * sewn: it has open seams. */
+const char *dr_scene_without_coarse(const drape_scene_desc *desc, bool sewn);
+
 /* Node positions x (3*nodes) for vertex positions v (3*vertices). */
 void dr_scene_weld(const drape_scene *scene, const double *v, double *x);
 

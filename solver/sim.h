@@ -73,6 +73,9 @@ drape_status dr_sew(struct drape_sim *sim, drape_error *reterr);
  * *ret_carried: whether that went well; else nothing has changed. */
 drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr);
 
+/* Gives the preview its caller asked for of the cloth at x (3*nodes); the scene has a coarse mesh. */
+void dr_coarse_show(const struct drape_sim *sim, const double *x);
+
 /* Follows the bodies along their paths: x (3*nodes) goes from where the cloth is when they start to where it
  * is when they have come to stand. Out of time or cancelled on the way, it carries the cloth there at once.
  */

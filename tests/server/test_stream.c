@@ -142,8 +142,8 @@ static void test_stream__old_states_make_room_for_new_ones(void **state)
         stream_publish(rig->stream, STREAM_STATE, at(i, 1), "1");
     struct follower *f = follow(rig, at(1, 1), at(20, 1));
     assert_int_equal(pull_all(f, text), 0);
-    assert_null(strstr(text, "id: 12.1\n"));
-    assert_non_null(strstr(text, "id: 13.1\n"));
+    assert_null(strstr(text, "id: 4.1\n"));
+    assert_non_null(strstr(text, "id: 5.1\n"));
     assert_non_null(strstr(text, "id: 20.1\n"));
     follower_free(f);
 }
