@@ -200,8 +200,9 @@ $(TBIN)/preload/%.so: tests/preload/%.c
 
 .SECONDARY:
 
-.PHONY: tests unit-tests fuzzers
-tests: $(TESTS) $(API_TOOLS) $(PRELOADS) $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
+.PHONY: tests unit-tests api-tools fuzzers
+api-tools: $(API_TOOLS) $(PRELOADS) ## build what the tests of the API need beside the two programs
+tests: $(TESTS) api-tools $(COUNTS:%=$(TBIN)/counts/%) ## build the unit and physics tests without running them
 unit-tests: $(UNIT_TESTS)
 fuzzers: $(FUZZERS)
 

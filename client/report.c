@@ -93,7 +93,6 @@ static void put_coarse(FILE *file, const json_t *coarse)
     if (json_integer_value(json_object_get(coarse, "triangles")) > 0) {
         put_label(file, "coarse first");
         put_count(file, "", coarse, "triangles", "triangles");
-        put_count(file, ", ", coarse, "iterations", "iterations");
         fputs(json_is_true(json_object_get(coarse, "carried")) ? "\n" : ", begun anew\n", file);
     }
 }
