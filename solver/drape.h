@@ -182,7 +182,8 @@ typedef enum drape_self_contact {
  * (solver/coarsen.h), and begins from there. The result is of the whole mesh either way; the report's plan
  * says what was decided. Only cloth that starts where its pieces were placed, among bodies that stand, has a
  * coarse mesh. Where the coarse cloth does not come out well, or crosses itself once carried up, all begins
- * anew without. AUTO does it where there are open seams and DRAPE_COARSE_FROM triangles. */
+ * anew without. AUTO does it where there are open seams, all of one garment, and DRAPE_COARSE_FROM
+ * triangles. */
 #define DRAPE_COARSE_FROM 2000
 typedef enum drape_coarse { DRAPE_COARSE_AUTO = 0, DRAPE_COARSE_ON, DRAPE_COARSE_OFF } drape_coarse;
 

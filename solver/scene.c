@@ -706,6 +706,9 @@ static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene,
 {
     drape_status status = DRAPE_OK;
     scene->coarse_left_out = dr_scene_without_coarse(desc, scene->pieces);
+    /* A coarse garment locks in the open seams of another, and all would begin anew. */
+    if (!scene->coarse_left_out && desc->coarse == DRAPE_COARSE_AUTO && scene->piece_part)
+        scene->coarse_left_out = "auto: garments are sewn one after the other";
     if (scene->coarse_left_out)
         return DRAPE_OK;
     if ((status = dr_coarsen(desc, COARSER * dr_mesh_edge(scene->mesh), &scene->coarse, reterr)) < 0)

@@ -73,7 +73,7 @@ size_t dr_scene_motion_bytes(const drape_scene *scene);
 size_t dr_scene_coarse_bytes(const drape_scene *scene);
 
 /* Why a scene has no coarse mesh, see drape_coarse; NULL: it gets one, if its mesh lets itself be coarsened.
- * sewn: it has open seams. */
+ * sewn: it has open seams. Several garments are not looked for. */
 const char *dr_scene_without_coarse(const drape_scene_desc *desc, bool sewn);
 
 /* Node positions x (3*nodes) for vertex positions v (3*vertices). */

@@ -258,6 +258,28 @@ static void test_coarse__a_fine_garment_is_sewn_coarse_unasked(void **state)
     }
 }
 
+/* Without the middle column of cells there are two tubes. */
+static void test_coarse__several_garments_are_sewn_as_they_are(void **state)
+{
+    (void)state;
+    struct example e;
+    drape_scene *scene;
+    size_t left = 0;
+    make(&e, MOST);
+    for (size_t t = 0; t < e.desc.triangles; t++)
+        if (t / 2 % MOST != MOST / 2)
+            memmove(e.triangle + 3 * left++, e.triangle + 3 * t, 3 * sizeof *e.triangle);
+    assert_true(left >= DRAPE_COARSE_FROM);
+    e.desc.triangles = left;
+    e.desc.coarse = DRAPE_COARSE_AUTO;
+    e.options.max_iterations = 1;
+    drape_sim *sim = run(&e, &scene, DRAPE_NOT_AT_REST);
+    assert_string_equal(term_of(drape_sim_report(sim), "coarse")->reason,
+                        "auto: garments are sewn one after the other");
+    drape_sim_free(sim);
+    drape_scene_free(scene);
+}
+
 static void test_coarse__what_is_left_out_says_why(void **state)
 {
     (void)state;
@@ -460,6 +482,7 @@ int main(void)
         cmocka_unit_test(test_coarse__the_drape_is_shown_as_it_comes),
         cmocka_unit_test(test_coarse__the_rest_is_that_of_the_whole_mesh),
         cmocka_unit_test(test_coarse__a_fine_garment_is_sewn_coarse_unasked),
+        cmocka_unit_test(test_coarse__several_garments_are_sewn_as_they_are),
         cmocka_unit_test(test_coarse__what_is_left_out_says_why),
         cmocka_unit_test(test_coarse__any_method_may_begin_from_it),
         cmocka_unit_test(test_coarse__what_does_not_come_out_well_is_begun_anew),
