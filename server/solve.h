@@ -28,7 +28,7 @@ struct solve_task {
     struct fields *fields;           /* NULL: the job builds the distance fields of its bodies for itself */
     struct drape_analyses *analyses; /* NULL: the job analyses its matrices for itself */
     struct drape_processors *processors; /* NULL: the job has one */
-    /* Likewise a first look at the drape, as a GLB, which it takes; once at most. May be NULL. */
+    /* Likewise looks at the drape as it comes, as GLBs, which it takes. May be NULL. */
     void (*preview)(char *glb, size_t bytes, void *data);
 };
 
