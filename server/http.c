@@ -262,6 +262,11 @@ int64_t http_answered_ms(const struct http *http)
     return pulse_answered_ms(http->pulse);
 }
 
+unsigned http_turns(const struct http *http)
+{
+    return pulse_answers(http->pulse);
+}
+
 unsigned http_connections(struct http *http)
 {
     pthread_mutex_lock(&http->lock);

@@ -56,11 +56,13 @@ int http_listen(const struct sockaddr *address, socklen_t size, int *ret_fd, uns
 int http_start(const struct http_setup *setup, struct http **ret); /* 0, or -1 (logged) */
 void http_tick(struct http *http); /* about four times a second: cuts slow clients, asks the loop */
 int64_t http_answered_ms(const struct http *http); /* monotonic; when the loop last answered http_tick */
+unsigned http_turns(const struct http *http);      /* how often it has; for the thread that ticks */
 unsigned http_connections(struct http *http);
 
 /* Stopping: quiesce (no new connections; requests on old ones get 503), have every suspended request
  * answered and every stream end, wait until http_suspended is 0, then stop. libmicrohttpd aborts when it
- * is stopped with a connection suspended. */
+ * is stopped with a connection suspended. What the loop was about to accept shows in http_active once the
+ * loop has answered two ticks more: the second was asked after quiescing. */
 void http_quiesce(struct http *http);
 unsigned http_suspended(struct http *http);
 /* Requests that are not finished, and connections so fresh that one is on its way: worth a moment's wait. */

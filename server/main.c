@@ -35,6 +35,9 @@
 /* For answers on their way out once everything has been answered; slow readers are then cut. */
 #define LAST_ANSWERS_MS 5000
 
+/* For the loop to come round, after which it accepts nothing more: a moment, unless it is stuck. */
+#define LAST_ACCEPT_MS 500
+
 struct server {
     struct config config;
     struct service service;
@@ -387,13 +390,17 @@ static void stop_listeners(struct server *s)
 {
     if (s->http == NULL)
         return;
+    unsigned turns = http_turns(s->http) + 2;
     http_quiesce(s->http);
     waits_close(s->api.waits);
     hub_close(s->api.hub);
-    int64_t patience = clock_monotonic_ms() + LAST_ANSWERS_MS;
-    while (http_suspended(s->http) > 0 || (http_active(s->http) > 0 && clock_monotonic_ms() < patience)) {
+    int64_t now = clock_monotonic_ms(), patience = now + LAST_ANSWERS_MS, accepted = now + LAST_ACCEPT_MS;
+    while (http_suspended(s->http) > 0 || (http_active(s->http) > 0 && now < patience) ||
+           ((int)(http_turns(s->http) - turns) < 0 && now < accepted)) {
         struct timespec t = {0, 2000000};
         nanosleep(&t, NULL);
+        http_tick(s->http);
+        now = clock_monotonic_ms();
     }
     s->http = http_stop(s->http);
     s->admin = http_stop(s->admin);

@@ -22,6 +22,7 @@ struct pulse {
     int ours;        /* -1: not connected */
     bool asked;      /* and not answered yet */
     int64_t made_ms; /* monotonic; when the pair was made */
+    unsigned answers;
     _Atomic int64_t answered_ms;
 };
 
@@ -77,6 +78,7 @@ static void take_answer(struct pulse *pulse)
     if (n > 0) {
         atomic_store(&pulse->answered_ms, clock_monotonic_ms());
         pulse->asked = false;
+        pulse->answers++;
     } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {
         hang_up(pulse);
     }
@@ -95,6 +97,11 @@ void pulse_tick(struct pulse *pulse, struct MHD_Daemon *daemon)
 int64_t pulse_answered_ms(const struct pulse *pulse)
 {
     return atomic_load(&pulse->answered_ms);
+}
+
+unsigned pulse_answers(const struct pulse *pulse)
+{
+    return pulse->answers;
 }
 
 bool pulse_connection(struct pulse *pulse, struct MHD_Connection *mhd, void **socket_context,
