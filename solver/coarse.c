@@ -10,8 +10,7 @@
 #include "self.h"
 #include "sim.h"
 
-#define ITERATIONS 1    /* of draping at most */
-#define TOLERANCE  1e-2 /* likewise, where the job's is no coarser */
+#define ITERATIONS 1 /* of draping */
 
 struct run {
     struct drape_sim *sim;
@@ -87,10 +86,7 @@ static drape_options options_of(struct run *run)
     drape_options options = sim->options;
     options.certify = options.fit = false;
     options.preview = NULL;
-    if (options.tolerance < TOLERANCE)
-        options.tolerance = TOLERANCE;
-    if (options.max_iterations > ITERATIONS)
-        options.max_iterations = ITERATIONS;
+    options.max_iterations = ITERATIONS;
     options.time_limit -= dr_clock() - sim->began;
     options.progress = relay;
     options.progress_data = run;

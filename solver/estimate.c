@@ -36,7 +36,7 @@ static const struct fill sewn_whole = {1317, 1};
 #define COARSE    200.0 /* the coarse mesh and the way up */
 #define NEAREST   100.0 /* of a body: the tree that its nearest points are found by */
 
-#define NINTH (1 / 9.0) /* of the triangles: what the coarse mesh has */
+#define COARSE_PART (1.0 / (DR_COARSER * DR_COARSER)) /* of the triangles */
 
 /* Bytes a node. */
 #define ARRAY    24.0 /* one vector */
@@ -211,7 +211,7 @@ static double held_bytes(const struct sizes *n, const drape_scene_desc *desc, co
     if (n->sewn)
         bytes += mesh * n->triangles;
     if (n->coarse)
-        bytes += (COARSE + (n->sewn ? mesh * NINTH : 0)) * n->triangles;
+        bytes += (COARSE + (n->sewn ? mesh * COARSE_PART : 0)) * n->triangles;
     if (options->fit)
         bytes += FIT * n->triangles;
     for (size_t b = 0; b < desc->bodies; b++)
@@ -224,7 +224,7 @@ static double sewing_bytes(const struct sizes *n, double bodies)
 {
     double bytes = fill_bytes(sewn_hinges, n->vertices) * NOT_WELDED + 3 * ARRAY * n->vertices +
                    STRESS * n->triangles + contact_bytes(n, bodies);
-    return n->sewn ? bytes * (n->coarse ? NINTH : 1) : 0;
+    return n->sewn ? bytes * (n->coarse ? COARSE_PART : 1) : 0;
 }
 
 /* But for the matrix. */

@@ -28,7 +28,7 @@
 #define DR_FIELD_COARSEST   0.016
 #define DR_FIELD_MAX_BLOCKS 32768     /* 64 MiB of floats */
 #define DR_FIELD_MAX_TABLE  4194304   /* blocks in the bounding box: 16 MiB of indices */
-#define DR_FIELD_MAX_WORK   500000000 /* point-triangle distances of half a pass, about 10 s */
+#define DR_FIELD_MAX_WORK   500000000 /* point-triangle distances of one pass, about 10 s */
 
 /* Immutable once made but for its count of references; shareable by threads. */
 struct dr_field {

@@ -392,7 +392,8 @@ static void visit_near_blocks(struct builder *b, uint32_t t, struct block_box bo
     visit_near_blocks(b, t, upper, band, visit);
 }
 
-/* Visits, for every triangle, the blocks of the span within `band` of it, until that is too much work. */
+/* Visits, for every triangle, the blocks of the span within `band` of it, until that is too much work. A half
+ * knows only of its own: what is refused in the end may have taken twice the limit. */
 static void visit_surface(struct builder *b, double band, block_visitor *visit)
 {
     const struct span *span = &b->span;

@@ -12,7 +12,6 @@
 #include "seam.h"
 
 #define LEAST_CHANGE 1e-9 /* of a length, relative, that makes another pattern */
-#define COARSER      3    /* edges of the coarse mesh over those of the fine one */
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -711,7 +710,7 @@ static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene,
         scene->coarse_left_out = "auto: garments are sewn one after the other";
     if (scene->coarse_left_out)
         return DRAPE_OK;
-    if ((status = dr_coarsen(desc, COARSER * dr_mesh_edge(scene->mesh), &scene->coarse, reterr)) < 0)
+    if ((status = dr_coarsen(desc, DR_COARSER * dr_mesh_edge(scene->mesh), &scene->coarse, reterr)) < 0)
         return status;
     if (2 * scene->coarse->desc.triangles > desc->triangles)
         scene->coarse_left_out = "what has to be kept leaves too many triangles";

@@ -13,6 +13,8 @@
 /* Seams that start no wider than this are welded at once; sewing pulls wider ones shut to it (m). */
 #define DR_WELD_GAP 1e-3
 
+#define DR_COARSER 3 /* edges of the coarse mesh over those of the fine one */
+
 /* Bending rigidity of the pieces while they are being sewn (N m): soft pieces fold in and invert along a
  * seam, stiff ones close cleanly. At 1e-3 a shirt of 12 mm edges left sewing with 58 crossings of its own,
  * one of 30 mm with 26, a dress with 2; at 5e-3 one of 30 mm in poplin with 11, at 1e-2 all with none. From
