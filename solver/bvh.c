@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "error.h"
 
@@ -167,23 +168,72 @@ static void shape(struct dr_bvh *bvh, uint32_t node, size_t first, size_t count,
     shape(bvh, bvh->right[node], first + middle, count - middle, x);
 }
 
-void dr_bvh_fit(struct dr_bvh *bvh, const double *values, const double *from, struct dr_box *box)
+/* For dr_hand_both. */
+struct fitting {
+    const struct dr_bvh *bvh;
+    const double *values, *from;
+    struct dr_box *box;
+};
+
+/* The boxes of nodes first .. end - 1, which have their children among them or fitted already. */
+static void fit(const struct fitting *fitting, uint32_t first, uint32_t end)
 {
-    if (!bvh->shaped && bvh->leaves)
-        shape(bvh, 0, 0, bvh->leaves, values);
-    bvh->shaped = true;
     static const double origin[3] = {0, 0, 0};
-    for (uint32_t i = (uint32_t)bvh->count; i-- > 0;) {
+    const struct dr_bvh *bvh = fitting->bvh;
+    struct dr_box *box = fitting->box;
+    for (uint32_t i = end; i-- > first;) {
         if (dr_bvh_is_leaf(bvh, i)) {
             const struct dr_leaf *leaf = dr_bvh_leaf(bvh, i);
             box[i] = nothing;
             for (int k = 0; k < 3; k++) {
-                const double *x = values + 3 * (size_t)leaf->node[k];
-                const double *o = from ? from + 3 * (size_t)leaf->node[k] : origin;
+                const double *x = fitting->values + 3 * (size_t)leaf->node[k];
+                const double *o = fitting->from ? fitting->from + 3 * (size_t)leaf->node[k] : origin;
                 add_point(box + i, (const double[]){x[0] - o[0], x[1] - o[1], x[2] - o[2]});
             }
         } else {
             box[i] = join(box + i + 1, box + bvh->right[i]);
         }
     }
+}
+
+/* The subtrees below the root. */
+static void fit_half(void *data, int half)
+{
+    const struct fitting *fitting = data;
+    uint32_t right = fitting->bvh->right[0];
+    fit(fitting, half ? right : 1, half ? (uint32_t)fitting->bvh->count : right);
+}
+
+void dr_bvh_fit(struct dr_bvh *bvh, const double *values, const double *from, struct dr_box *box)
+{
+    struct fitting fitting = {bvh, values, from, box};
+    if (!bvh->shaped && bvh->leaves)
+        shape(bvh, 0, 0, bvh->leaves, values);
+    bvh->shaped = true;
+    if (bvh->count > 1)
+        dr_hand_both(bvh->hand, fit_half, &fitting);
+    fit(&fitting, 0, bvh->count > 0);
+}
+
+struct dr_bvh_starts dr_bvh_half(const struct dr_bvh *bvh, int half)
+{
+    struct dr_bvh_starts all = {.count = bvh->count > 0, .pair = {{0, 0}}}, ret = {.count = 0};
+    for (int level = 0; level < 4; level++) {
+        struct dr_bvh_starts below = {.count = 0};
+        for (size_t i = 0; i < all.count; i++) {
+            uint32_t a = all.pair[i][0], b = all.pair[i][1];
+            if (dr_bvh_is_leaf(bvh, a) && dr_bvh_is_leaf(bvh, b)) {
+                below.pair[below.count][0] = a;
+                below.pair[below.count++][1] = b;
+            } else {
+                below.count = dr_bvh_open(bvh, a, b, below.pair, below.count);
+            }
+        }
+        all = below;
+    }
+    int turn[2] = {0, 0}; /* of a node with itself, of two */
+    for (size_t i = 0; i < all.count; i++)
+        if (turn[all.pair[i][0] != all.pair[i][1]]++ % 2 == half)
+            memcpy(ret.pair[ret.count++], all.pair[i], sizeof all.pair[i]);
+    return ret;
 }

@@ -11,6 +11,7 @@
 
 #include <math.h>
 
+#include "hand.h"
 #include "mesh.h"
 
 struct dr_box { /* low > high: empty. Not-finite coordinates are left out */
@@ -30,6 +31,7 @@ struct dr_bvh {
     struct dr_box *box;   /* count: of the positions */
     struct dr_box *move;  /* count: of the motions; dr_sweep's and dr_pairs_add's */
     bool shaped;          /* the tree has its shape */
+    struct dr_hand *hand; /* who fits one half of the boxes; NULL: nobody else */
 };
 
 #define DR_BVH_LEAF 0x80000000u /* more than twice DRAPE_MAX_TRIANGLES */
@@ -79,34 +81,60 @@ typedef bool dr_bvh_meet(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void 
 /* Deep enough for 2^31 leaves: each level leaves at most 3 pairs behind, among nodes and then within them. */
 #define DR_BVH_STACK 256
 
-/* All pairs of leaves that are near, each once and no leaf with itself. False if `meet` ended it. Inline, so
- * that the two functions are, too. */
-static inline __attribute__((always_inline)) bool dr_bvh_walk(const struct dr_bvh *bvh, dr_bvh_near *near,
-                                                              dr_bvh_meet *meet, void *data)
+/* Appends the pairs of children that a pair of tree nodes, not both leaves, consists of. */
+static inline size_t dr_bvh_open(const struct dr_bvh *bvh, uint32_t a, uint32_t b, uint32_t (*list)[2],
+                                 size_t count)
 {
-    uint32_t stack[DR_BVH_STACK][2] = {{0, 0}};
-    for (size_t top = bvh->count > 0; top-- > 0;) {
-        uint32_t a = stack[top][0], b = stack[top][1];
-        bool a_ends = dr_bvh_is_leaf(bvh, a), b_ends = dr_bvh_is_leaf(bvh, b);
-        if ((a == b && a_ends) || !near(bvh, a, b, data))
-            continue;
-        if (a_ends && b_ends) {
-            if (!meet(bvh, a, b, data))
-                return false;
-            continue;
+    bool a_ends = dr_bvh_is_leaf(bvh, a), b_ends = dr_bvh_is_leaf(bvh, b);
+    uint32_t left[2] = {a_ends ? a : a + 1, b_ends ? b : b + 1};
+    uint32_t right[2] = {a_ends ? a : bvh->right[a], b_ends ? b : bvh->right[b]};
+    for (int i = 0; i < 2; i++) {
+        for (int j = a == b ? i : 0; j < 2; j++) {
+            if ((a_ends && i) || (b_ends && j))
+                continue;
+            list[count][0] = i ? right[0] : left[0];
+            list[count++][1] = j ? right[1] : left[1];
         }
-        uint32_t left[2] = {a_ends ? a : a + 1, b_ends ? b : b + 1};
-        uint32_t right[2] = {a_ends ? a : bvh->right[a], b_ends ? b : bvh->right[b]};
-        for (int i = 0; i < 2; i++) {
-            for (int j = a == b ? i : 0; j < 2; j++) {
-                if ((a_ends && i) || (b_ends && j))
-                    continue;
-                stack[top][0] = i ? right[0] : left[0];
-                stack[top++][1] = j ? right[1] : left[1];
-            }
-        }
+    }
+    return count;
+}
+
+/* All pairs of leaves below the tree nodes a and b that are near, each once and no leaf with itself. False if
+ * `meet` ended it. Inline, so that the two functions are, too. */
+static inline __attribute__((always_inline)) bool dr_bvh_walk_from(const struct dr_bvh *bvh, uint32_t a,
+                                                                   uint32_t b, dr_bvh_near *near,
+                                                                   dr_bvh_meet *meet, void *data)
+{
+    uint32_t stack[DR_BVH_STACK][2] = {{a, b}};
+    for (size_t top = 1; top-- > 0;) {
+        a = stack[top][0];
+        b = stack[top][1];
+        bool end = dr_bvh_is_leaf(bvh, a) && dr_bvh_is_leaf(bvh, b);
+        if ((a == b && end) || !near(bvh, a, b, data))
+            continue;
+        if (!end)
+            top = dr_bvh_open(bvh, a, b, stack, top);
+        else if (!meet(bvh, a, b, data))
+            return false;
     }
     return true;
 }
+
+/* The same of the whole tree. */
+static inline __attribute__((always_inline)) bool dr_bvh_walk(const struct dr_bvh *bvh, dr_bvh_near *near,
+                                                              dr_bvh_meet *meet, void *data)
+{
+    return !bvh->count || dr_bvh_walk_from(bvh, 0, 0, near, meet, data);
+}
+
+/* Where the walk of a whole tree may begin instead of at its root: all pairs of nodes on the fourth level
+ * below it (or of leaves above that). Every other one, those of a node with itself and those of two nodes
+ * counted apart, is one half of the walk, and what the other half is does not depend on the positions. */
+#define DR_BVH_STARTS 136
+struct dr_bvh_starts {
+    size_t count;
+    uint32_t pair[DR_BVH_STARTS][2];
+};
+struct dr_bvh_starts dr_bvh_half(const struct dr_bvh *bvh, int half);
 
 #endif

@@ -54,6 +54,8 @@ static drape_status new_terms(const struct dr_cloth_plan *plan, const double *st
         status = dr_friction_new(cloth->contact, plan->mesh, scene->material, &cloth->friction, reterr);
     if (status >= 0 && plan->self)
         status = dr_self_new(plan->mesh, scene->thickness, &cloth->self, reterr);
+    if (status >= 0 && cloth->self)
+        dr_self_lend(cloth->self, plan->hand);
     if (status >= 0 && plan->self && plan->part)
         dr_self_between(cloth->self, plan->part);
     if (status >= 0 && plan->self && plan->friction)

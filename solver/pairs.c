@@ -10,6 +10,9 @@
 /* Times that the radius is halved where it finds too many pairs, before it is 0. */
 #define HALVINGS 3
 
+#define WORTH_SHARING                                                                                        \
+    5000 /* triangles: half of a search, and of a step's sweep, takes longer than waking somebody */
+
 /* ---- made and freed --------------------------------------------------------------------------- */
 
 /* Numbers the edges by the first triangle that has them; `number`: 3*triangles. Gives how many. */
@@ -35,7 +38,7 @@ static bool allocate(struct dr_pairs *pairs)
     pairs->side_triangle = malloc(2 * sides * sizeof *pairs->side_triangle);
     pairs->first_side = calloc(nodes + 1, sizeof *pairs->first_side);
     pairs->node_side = malloc(2 * sides * sizeof *pairs->node_side);
-    pairs->share = malloc(nodes * sizeof *pairs->share);
+    pairs->share = malloc(2 * nodes * sizeof *pairs->share);
     pairs->marked = malloc(nodes * sizeof *pairs->marked);
     pairs->moved = malloc((2 * pairs->mesh->triangles + 1) * sizeof *pairs->moved);
     return pairs->side && pairs->side_triangle && pairs->first_side && pairs->node_side && pairs->share &&
@@ -105,9 +108,25 @@ cleanup:
     return status;
 }
 
+void dr_pairs_lend(struct dr_pairs *pairs, struct dr_hand *hand)
+{
+    pairs->bvh->hand = pairs->mesh->triangles < WORTH_SHARING ? NULL : hand;
+}
+
+/* Gives back what a search needed for a while. */
+static void drop_found(struct dr_pairs *pairs)
+{
+    for (int i = 0; i < 4; i++) {
+        struct dr_pair_list *list = &pairs->found[i / 2][i % 2];
+        free(list->pair);
+        *list = (struct dr_pair_list){.pair = NULL};
+    }
+}
+
 struct dr_pairs *dr_pairs_free(struct dr_pairs *pairs)
 {
     if (pairs) {
+        drop_found(pairs);
         dr_bvh_free(pairs->bvh);
         free(pairs->side);
         free(pairs->side_triangle);
@@ -143,35 +162,42 @@ size_t dr_pairs_bytes(const struct dr_pairs *pairs)
 {
     const struct dr_mesh *mesh = pairs->mesh;
     size_t per_side = 2 * (sizeof *pairs->side + sizeof *pairs->side_triangle + sizeof *pairs->node_side);
-    size_t per_node = sizeof *pairs->first_side + sizeof *pairs->share + sizeof *pairs->marked;
+    size_t per_node = sizeof *pairs->first_side + 2 * sizeof *pairs->share + sizeof *pairs->marked;
+    size_t found = 0;
+    for (int i = 0; i < 4; i++)
+        found += pairs->found[i / 2][i % 2].room * sizeof(struct dr_pair);
     return sizeof *pairs + sizeof *pairs->first_side + dr_bvh_bytes(pairs->bvh) + pairs->sides * per_side +
            mesh->nodes * per_node + pairs->bvh->count * sizeof *pairs->moved +
-           pairs->face_room * sizeof *pairs->faces + pairs->edge_room * sizeof *pairs->edges;
+           pairs->face_room * sizeof *pairs->faces + pairs->edge_room * sizeof *pairs->edges + found;
 }
 
 /* ---- search ----------------------------------------------------------------------------------- */
 
+/* One half of it. */
 struct search {
-    struct dr_pairs *pairs;
+    const struct dr_pairs *pairs;
+    struct dr_pair_list *found; /* faces and edges */
     const double *x;
     double square; /* of the radius */
     size_t left;   /* pairs of leaves still to look at */
     bool starved;  /* of memory */
     double still;  /* squared, of dr_pairs_add: what moves less against each other has no new pairs, m */
-    size_t old_faces, old_edges; /* at the head of the lists, sorted; dr_pairs_add's, else 0 */
+    size_t old_faces, old_edges; /* in the lists already, sorted; dr_pairs_add's, else 0 */
 };
 
-/* Room for one more pair; *list and *room grow by half. */
-static bool make_room(struct dr_pair **list, size_t *room, size_t count)
+/* Room for `more` pairs; grows by half. */
+static bool make_room(struct dr_pair **list, size_t *room, size_t count, size_t more)
 {
-    if (count < *room)
+    if (count + more <= *room)
         return true;
-    size_t more = *room + *room / 2 + 256;
-    struct dr_pair *grown = realloc(*list, more * sizeof *grown);
+    size_t roomy = *room + *room / 2 + 256;
+    if (roomy < count + more)
+        roomy = count + more;
+    struct dr_pair *grown = realloc(*list, roomy * sizeof *grown);
     if (!grown)
         return false;
     *list = grown;
-    *room = more;
+    *room = roomy;
     return true;
 }
 
@@ -194,16 +220,30 @@ static void sort(struct dr_pair *list, size_t count)
         qsort(list, count, sizeof *list, compare_pairs);
 }
 
-static bool may_add(const struct dr_pairs *pairs)
+/* The most pairs that may be listed. */
+static size_t most_pairs(const struct dr_pairs *pairs)
 {
-    return pairs->face_count + pairs->edge_count < DR_PAIRS_PER_TRIANGLE * pairs->mesh->triangles;
+    return DR_PAIRS_PER_TRIANGLE * pairs->mesh->triangles;
+}
+
+/* False when there are too many, or no memory. */
+static bool keep(struct search *search, int kind, const struct dr_pair *pair)
+{
+    struct dr_pair_list *list = search->found + kind;
+    if (search->old_faces + search->old_edges + search->found[0].count + search->found[1].count >=
+        most_pairs(search->pairs))
+        return false;
+    search->starved = !make_room(&list->pair, &list->room, list->count, 1);
+    if (!search->starved)
+        list->pair[list->count++] = *pair;
+    return !search->starved;
 }
 
 /* Vertex `node` against the triangle of `leaf`. False to end the walk. */
 static bool try_face(struct search *search, uint32_t node, const struct dr_leaf *leaf,
                      const struct dr_box *box)
 {
-    struct dr_pairs *pairs = search->pairs;
+    const struct dr_pairs *pairs = search->pairs;
     const double *v = search->x + 3 * (size_t)node;
     double gap[3] = {dr_gap(v[0], v[0], box->low[0], box->high[0]),
                      dr_gap(v[1], v[1], box->low[1], box->high[1]),
@@ -214,12 +254,7 @@ static bool try_face(struct search *search, uint32_t node, const struct dr_leaf 
     if (!(dr_closest_vertex_face(search->x, pair.node).square < search->square) ||
         dr_pairs_are_welded(pairs, pair.node, false) || is_listed(&pair, pairs->faces, search->old_faces))
         return true;
-    if (!may_add(pairs))
-        return false;
-    search->starved = !make_room(&pairs->faces, &pairs->face_room, pairs->face_count);
-    if (!search->starved)
-        pairs->faces[pairs->face_count++] = pair;
-    return !search->starved;
+    return keep(search, 0, &pair);
 }
 
 /* How far apart a..b and c..d are along one axis. (Both ends by one comparison would be a branch.) */
@@ -240,7 +275,7 @@ static inline double edge_distance(const double *x, const uint32_t p[2], const u
 
 static bool try_edges(struct search *search, uint32_t a, uint32_t b)
 {
-    struct dr_pairs *pairs = search->pairs;
+    const struct dr_pairs *pairs = search->pairs;
     const uint32_t *p = pairs->side + 2 * (size_t)a, *q = pairs->side + 2 * (size_t)b;
     if (p[0] == q[0] || p[0] == q[1] || p[1] == q[0] || p[1] == q[1] ||
         edge_distance(search->x, p, q) >= search->square)
@@ -249,12 +284,7 @@ static bool try_edges(struct search *search, uint32_t a, uint32_t b)
     if (!(dr_closest_edge_edge(search->x, pair.node).square < search->square) ||
         dr_pairs_are_welded(pairs, pair.node, true) || is_listed(&pair, pairs->edges, search->old_edges))
         return true;
-    if (!may_add(pairs))
-        return false;
-    search->starved = !make_room(&pairs->edges, &pairs->edge_room, pairs->edge_count);
-    if (!search->starved)
-        pairs->edges[pairs->edge_count++] = pair;
-    return !search->starved;
+    return keep(search, 1, &pair);
 }
 
 static inline bool boxes_near(const struct dr_bvh *bvh, uint32_t a, uint32_t b, void *data)
@@ -283,24 +313,101 @@ static inline bool find_in_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t
     return --search->left > 0;
 }
 
+/* For dr_hand_both. */
+struct searches {
+    struct search half[2];
+    bool whole[2]; /* each came to its end */
+};
+
+static inline __attribute__((always_inline)) void search_half(struct searches *searches, int half,
+                                                              dr_bvh_near *near)
+{
+    struct search *search = searches->half + half;
+    const struct dr_bvh *bvh = search->pairs->bvh;
+    struct dr_bvh_starts starts = dr_bvh_half(bvh, half);
+    searches->whole[half] = true;
+    for (size_t i = 0; i < starts.count && searches->whole[half]; i++)
+        searches->whole[half] =
+            dr_bvh_walk_from(bvh, starts.pair[i][0], starts.pair[i][1], near, find_in_leaves, search);
+}
+
+static void find_half(void *searches, int half)
+{
+    search_half(searches, half, boxes_near);
+}
+
+/* Two halves like `search`, which may look at `left` pairs of leaves together. */
+static struct searches halve(struct dr_pairs *pairs, struct search search, size_t left)
+{
+    struct searches searches = {{search, search}, {false, false}};
+    for (int i = 0; i < 2; i++) {
+        searches.half[i].pairs = pairs;
+        searches.half[i].found = pairs->found[i];
+        searches.half[i].left = left;
+        pairs->found[i][0].count = pairs->found[i][1].count = 0;
+    }
+    return searches;
+}
+
+/* What both halves found joins the lists, which then wait to be sorted. True if that is all there is: neither
+ * was ended, nor were both together too much. *ret_starved: of memory. */
+static bool join(struct dr_pairs *pairs, const struct searches *searches, size_t left, bool *ret_starved)
+{
+    const struct search *a = searches->half, *b = searches->half + 1;
+    bool whole = searches->whole[0] && searches->whole[1] && left - a->left + (left - b->left) < left;
+    size_t faces = 0, edges = 0;
+    for (int i = 0; i < 2; i++) {
+        faces += pairs->found[i][0].count;
+        edges += pairs->found[i][1].count;
+    }
+    bool fits = pairs->face_count + pairs->edge_count + faces + edges <= most_pairs(pairs);
+    *ret_starved = a->starved || b->starved ||
+                   (fits && (!make_room(&pairs->faces, &pairs->face_room, pairs->face_count, faces) ||
+                             !make_room(&pairs->edges, &pairs->edge_room, pairs->edge_count, edges)));
+    if (*ret_starved || !fits)
+        return false;
+    for (int i = 0; i < 2; i++) {
+        const struct dr_pair_list *face = pairs->found[i], *edge = face + 1;
+        if (face->count)
+            memcpy(pairs->faces + pairs->face_count, face->pair, face->count * sizeof *face->pair);
+        if (edge->count)
+            memcpy(pairs->edges + pairs->edge_count, edge->pair, edge->count * sizeof *edge->pair);
+        pairs->face_count += face->count;
+        pairs->edge_count += edge->count;
+    }
+    return whole;
+}
+
+/* For dr_hand_both. */
+static void sort_half(void *data, int half)
+{
+    struct dr_pairs *pairs = data;
+    if (half)
+        sort(pairs->edges, pairs->edge_count);
+    else
+        sort(pairs->faces, pairs->face_count);
+}
+
 drape_status dr_pairs_find(struct dr_pairs *pairs, const double *x, double radius, drape_error *reterr)
 {
-    struct search search = {.pairs = pairs, .x = x};
+    size_t left = DR_PAIRS_MAX_MEETINGS * (pairs->mesh->triangles + 1);
     dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
     for (int halved = 0;; halved++, radius /= 2) {
+        bool starved;
         pairs->radius = halved <= HALVINGS ? radius : 0;
         pairs->face_count = pairs->edge_count = 0;
-        search.square = pairs->radius * pairs->radius;
-        search.left = DR_PAIRS_MAX_MEETINGS * (pairs->mesh->triangles + 1);
-        if (dr_bvh_walk(pairs->bvh, boxes_near, find_in_leaves, &search))
+        struct searches searches =
+            halve(pairs, (struct search){.x = x, .square = pairs->radius * pairs->radius}, left);
+        dr_hand_both(pairs->bvh->hand, find_half, &searches);
+        bool whole = join(pairs, &searches, left, &starved);
+        drop_found(pairs); /* of a heap as much as the lists */
+        if (whole)
             break;
-        if (search.starved) {
-            pairs->face_count = pairs->edge_count = 0;
+        pairs->face_count = pairs->edge_count = 0;
+        if (starved)
             return dr_out_of_memory(reterr);
-        }
     }
-    sort(pairs->faces, pairs->face_count);
-    sort(pairs->edges, pairs->edge_count);
+    dr_hand_both(pairs->bvh->hand, sort_half, pairs);
     return DRAPE_OK;
 }
 
@@ -318,22 +425,26 @@ static inline bool boxes_come_near(const struct dr_bvh *bvh, uint32_t a, uint32_
     return !(square <= search->still) && boxes_near(bvh, a, b, data);
 }
 
+static void add_half(void *searches, int half)
+{
+    search_half(searches, half, boxes_come_near);
+}
+
 bool dr_pairs_add(struct dr_pairs *pairs, const double *from, const double *x, double radius)
 {
     double still = pairs->radius - radius; /* m */
-    struct search search = {.pairs = pairs,
-                            .x = x,
-                            .square = radius * radius,
-                            .left = pairs->mesh->triangles + 1,
-                            .still = still * still,
-                            .old_faces = pairs->face_count,
-                            .old_edges = pairs->edge_count};
+    size_t left = pairs->mesh->triangles + 1, faces = pairs->face_count, edges = pairs->edge_count;
+    struct search like = {
+        .x = x, .square = radius * radius, .still = still * still, .old_faces = faces, .old_edges = edges};
+    struct searches searches = halve(pairs, like, left);
+    bool starved;
     dr_bvh_fit(pairs->bvh, x, NULL, pairs->bvh->box);
     dr_bvh_fit(pairs->bvh, x, from, pairs->bvh->move);
-    bool whole = dr_bvh_walk(pairs->bvh, boxes_come_near, find_in_leaves, &search);
-    if (pairs->face_count > search.old_faces)
+    dr_hand_both(pairs->bvh->hand, add_half, &searches);
+    bool whole = join(pairs, &searches, left, &starved);
+    if (pairs->face_count > faces)
         sort(pairs->faces, pairs->face_count);
-    if (pairs->edge_count > search.old_edges)
+    if (pairs->edge_count > edges)
         sort(pairs->edges, pairs->edge_count);
     return whole;
 }

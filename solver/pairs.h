@@ -22,6 +22,11 @@ struct dr_pair {
     uint32_t a, b;    /* numbers of vertex and triangle; or of two edges, a < b */
 };
 
+struct dr_pair_list { /* grows */
+    struct dr_pair *pair;
+    size_t count, room;
+};
+
 struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     const struct dr_mesh *mesh;
     const uint32_t *part; /* nodes, borrowed: what is of one part is never a pair; NULL: there are no parts */
@@ -40,16 +45,21 @@ struct dr_pairs { /* read-only but for pairs.c and sweep.c */
     struct dr_pair *edges; /* edge-edge */
 
     size_t face_room, edge_room;
-    uint32_t *first_side; /* nodes + 1: where in node_side a node's edges begin */
-    uint32_t *node_side;  /* 2*sides */
+    struct dr_pair_list found[2][2]; /* by half of a search: faces and edges, until they join the others */
+    uint32_t *first_side;            /* nodes + 1: where in node_side a node's edges begin */
+    uint32_t *node_side;             /* 2*sides */
     struct dr_bvh *bvh;
-    double *share;   /* nodes: dr_sweep_clip's */
+    double *share;   /* 2*nodes: dr_sweep_clip's, by half of a walk */
     uint8_t *marked; /* nodes: likewise */
     uint8_t *moved;  /* bvh->count: likewise */
 };
 
 /* `mesh` must outlive the result, which holds all memory but that of the lists. */
 drape_status dr_pairs_new(const struct dr_mesh *mesh, struct dr_pairs **ret, drape_error *reterr);
+
+/* Whence a processor is borrowed for half of a search, and of a sweep, from now on; NULL: nowhere. */
+void dr_pairs_lend(struct dr_pairs *pairs, struct dr_hand *hand);
+
 struct dr_pairs *dr_pairs_free(struct dr_pairs *pairs); /* NULL is fine; returns NULL */
 size_t dr_pairs_bytes(const struct dr_pairs *pairs);    /* what is held now */
 

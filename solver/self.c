@@ -96,6 +96,11 @@ drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr
     return DRAPE_OK;
 }
 
+void dr_self_lend(struct dr_self *self, struct dr_hand *hand)
+{
+    dr_pairs_lend(self->pairs, hand);
+}
+
 void dr_self_between(struct dr_self *self, const uint32_t *part)
 {
     dr_pairs_between(self->pairs, part);

@@ -26,6 +26,9 @@ struct dr_self;
 drape_status dr_self_new(const struct dr_mesh *mesh, double thickness, struct dr_self **ret,
                          drape_error *reterr);
 
+/* Whence a processor is borrowed for half of a search, and of a step's sweep, from now on; NULL: nowhere. */
+void dr_self_lend(struct dr_self *self, struct dr_hand *hand);
+
 /* From here on only cloth of different parts is kept apart; see dr_pairs_between. */
 void dr_self_between(struct dr_self *self, const uint32_t *part);
 

@@ -124,6 +124,7 @@ static double meeting(const struct pair *pair, double keep, double limit)
 
 /* ---- all pairs -------------------------------------------------------------------------------- */
 
+/* One half of them. */
 struct sweep {
     const struct dr_pairs *pairs;
     const double *x, *w;
@@ -264,17 +265,53 @@ static inline bool sweep_leaves(const struct dr_bvh *bvh, uint32_t a, uint32_t b
     return --sweep->left > 0;
 }
 
-/* The pairs of the lists, then those that may come from farther. False when there is too much to look at. */
+/* For dr_hand_both. */
+struct sweeps {
+    struct sweep half[2];
+    bool whole[2]; /* each came to its end */
+};
+
+/* The pairs of one half of each list, then those that may come from farther. */
+static void walk_half(void *data, int half)
+{
+    struct sweeps *sweeps = data;
+    struct sweep *sweep = sweeps->half + half;
+    const struct dr_pairs *pairs = sweep->pairs;
+    struct dr_bvh_starts starts = dr_bvh_half(pairs->bvh, half);
+    size_t face = half ? pairs->face_count / 2 : 0, edge = half ? pairs->edge_count / 2 : 0;
+    size_t faces = half ? pairs->face_count : pairs->face_count / 2,
+           edges = half ? pairs->edge_count : pairs->edge_count / 2;
+    for (; sweep->near > 0 && face < faces; face++)
+        try_pair(sweep, pairs->faces[face].node, false, pairs->faces[face].a, pairs->faces[face].b);
+    for (; sweep->near > 0 && edge < edges; edge++)
+        try_pair(sweep, pairs->edges[edge].node, true, pairs->edges[edge].a, pairs->edges[edge].b);
+    sweeps->whole[half] = true;
+    for (size_t i = 0; i < starts.count && sweeps->whole[half]; i++)
+        sweeps->whole[half] =
+            dr_bvh_walk_from(pairs->bvh, starts.pair[i][0], starts.pair[i][1], may_meet, sweep_leaves, sweep);
+}
+
+/* What both halves find, into *sweep; its nodes' shares are those of the first half, and the second's lie
+ * behind. False when there is too much to look at. */
 static bool walk(struct sweep *sweep)
 {
     const struct dr_pairs *pairs = sweep->pairs;
-    sweep->left = MAX_MEETINGS * (pairs->mesh->triangles + 1);
+    size_t left = MAX_MEETINGS * (pairs->mesh->triangles + 1), nodes = pairs->mesh->nodes;
+    sweep->left = left;
     sweep->met = 0;
-    for (size_t i = 0; sweep->near > 0 && i < pairs->face_count; i++)
-        try_pair(sweep, pairs->faces[i].node, false, pairs->faces[i].a, pairs->faces[i].b);
-    for (size_t i = 0; sweep->near > 0 && i < pairs->edge_count; i++)
-        try_pair(sweep, pairs->edges[i].node, true, pairs->edges[i].a, pairs->edges[i].b);
-    return dr_bvh_walk(pairs->bvh, may_meet, sweep_leaves, sweep);
+    struct sweeps sweeps = {{*sweep, *sweep}, {false, false}};
+    struct sweep *a = sweeps.half, *b = sweeps.half + 1;
+    if (sweep->share) {
+        b->share = sweep->share + nodes;
+        for (size_t v = 0; v < 2 * nodes; v++)
+            sweep->share[v] = 1;
+    }
+    dr_hand_both(pairs->bvh->hand, walk_half, &sweeps);
+    sweep->met = a->met + b->met;
+    sweep->t = fmin(a->t, b->t);
+    for (size_t v = 0; sweep->share && v < nodes; v++)
+        sweep->share[v] = fmin(a->share[v], b->share[v]);
+    return sweeps.whole[0] && sweeps.whole[1] && left - a->left + (left - b->left) < left;
 }
 
 double dr_sweep(struct dr_pairs *pairs, const double *x, const double *w, double keep, double near)
@@ -319,13 +356,10 @@ static void shorten(struct dr_pairs *pairs, double *w)
 /* False where that does not end, or there is too much to look at. */
 static bool clip_rounds(struct dr_pairs *pairs, const double *x, double *w, double keep, double near)
 {
-    size_t nodes = pairs->mesh->nodes;
     struct sweep sweep = {
         .pairs = pairs, .x = x, .w = w, .keep = keep, .t = 1, .near = near, .share = pairs->share};
     for (int round = 0; round < MAX_ROUNDS; round++) {
         dr_bvh_fit(pairs->bvh, w, NULL, pairs->bvh->move);
-        for (size_t v = 0; v < nodes; v++)
-            pairs->share[v] = 1;
         if (!walk(&sweep))
             return false;
         if (!sweep.met)

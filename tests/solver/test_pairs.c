@@ -498,6 +498,52 @@ static void test_pairs__triangles_collapsed_to_lines_and_points(void **state)
     shape_free(&shape);
 }
 
+static void check_lists(const struct dr_pairs *pairs, const struct dr_pairs *other)
+{
+    assert_true(pairs->radius == other->radius);
+    assert_int_equal(pairs->face_count, other->face_count);
+    assert_int_equal(pairs->edge_count, other->edge_count);
+    assert_memory_equal(pairs->faces, other->faces, pairs->face_count * sizeof *pairs->faces);
+    assert_memory_equal(pairs->edges, other->edges, pairs->edge_count * sizeof *pairs->edges);
+}
+
+static void test_pairs__on_a_borrowed_processor_are_the_same(void **state)
+{
+    (void)state;
+    struct shape shape = sheets_stack(40, 3, 0.01, 0.004);
+    struct dr_mesh *mesh = sheets_mesh(shape.vertices, shape.triangles, shape.triangle);
+    struct dr_pairs *alone = make(mesh), *helped = make(mesh);
+    drape_processors *processors = drape_processors_new(2);
+    assert_non_null(processors);
+    struct dr_hand hand = {.processors = processors};
+    dr_processors_enter(processors);
+    dr_pairs_lend(helped, &hand);
+    uint64_t random = 53;
+    for (int round = 0; round < 5; round++) {
+        assert_int_equal(dr_pairs_find(alone, shape.x, 0.006, NULL), DRAPE_OK);
+        assert_int_equal(dr_pairs_find(helped, shape.x, 0.006, NULL), DRAPE_OK);
+        assert_true(alone->face_count > 1000 && alone->edge_count > 1000);
+        check_lists(helped, alone);
+        double *x = malloc(3 * mesh->nodes * sizeof *x);
+        assert_non_null(x);
+        memcpy(x, shape.x, 3 * mesh->nodes * sizeof *x);
+        for (size_t i = 0; i < 600; i++) /* a part of it crumples */
+            x[i] += 0.002 * test_random(&random);
+        bool whole = dr_pairs_add(alone, shape.x, x, 0.004);
+        assert_true(dr_pairs_add(helped, shape.x, x, 0.004) == whole);
+        check_lists(helped, alone);
+        free(x);
+        sheets_shake(&shape, 0.001, &random);
+    }
+    assert_true(hand.seconds > 0);
+    dr_processors_leave(processors);
+    drape_processors_free(processors);
+    dr_pairs_free(alone);
+    dr_pairs_free(helped);
+    dr_mesh_free(mesh);
+    shape_free(&shape);
+}
+
 static void test_pairs__a_heap_shrinks_the_radius_and_stays_small(void **state)
 {
     (void)state;
@@ -756,6 +802,7 @@ int main(void)
         cmocka_unit_test(test_pairs__welded_nodes_count_as_one),
         cmocka_unit_test(test_pairs__a_kilometre_away_is_as_here),
         cmocka_unit_test(test_pairs__triangles_collapsed_to_lines_and_points),
+        cmocka_unit_test(test_pairs__on_a_borrowed_processor_are_the_same),
         cmocka_unit_test(test_pairs__a_heap_shrinks_the_radius_and_stays_small),
         cmocka_unit_test(test_pairs__any_coordinates_end_and_find_only_what_is_finite),
         cmocka_unit_test(test_pairs__no_triangles_and_one_triangle),

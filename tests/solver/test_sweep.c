@@ -427,6 +427,40 @@ static void test_clip__random_moves_end_without_a_meeting(void **state)
     }
 }
 
+static void test_clip__on_a_borrowed_processor_is_the_same(void **state)
+{
+    (void)state;
+    struct cloth cloth = cloth_new(sheets_stack(40, 2, 0.01, 0.004));
+    size_t size = 3 * cloth.mesh->nodes * sizeof *cloth.w;
+    double *wanted = malloc(size), *alone = malloc(size);
+    assert_true(wanted && alone);
+    drape_processors *processors = drape_processors_new(2);
+    assert_non_null(processors);
+    struct dr_hand hand = {.processors = processors};
+    dr_processors_enter(processors);
+    uint64_t random = 59;
+    sheets_shake(&cloth.shape, 0.001, &random);
+    for (int round = 0; round < 4; round++) {
+        random_moves(&cloth, 0.004, &random);
+        memcpy(wanted, cloth.w, size);
+        dr_pairs_lend(cloth.pairs, NULL);
+        double t = dr_sweep(cloth.pairs, cloth.shape.x, cloth.w, KEEP, 0);
+        size_t shortened = dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP, 0);
+        memcpy(alone, cloth.w, size);
+        memcpy(cloth.w, wanted, size);
+        dr_pairs_lend(cloth.pairs, &hand);
+        assert_true(t > 0 && t < 1 && dr_sweep(cloth.pairs, cloth.shape.x, cloth.w, KEEP, 0) == t);
+        assert_int_equal(dr_sweep_clip(cloth.pairs, cloth.shape.x, cloth.w, KEEP, 0), shortened);
+        assert_memory_equal(cloth.w, alone, size);
+    }
+    assert_true(hand.seconds > 0);
+    dr_processors_leave(processors);
+    drape_processors_free(processors);
+    cloth_free(&cloth);
+    free(wanted);
+    free(alone);
+}
+
 static void test_clip__a_real_dress_falls_unshortened(void **state)
 {
     (void)state;
@@ -464,6 +498,7 @@ int main(void)
         cmocka_unit_test(test_sweep__wild_moves_of_a_crowd_end),
         cmocka_unit_test(test_clip__shortens_only_what_would_meet),
         cmocka_unit_test(test_clip__random_moves_end_without_a_meeting),
+        cmocka_unit_test(test_clip__on_a_borrowed_processor_is_the_same),
         cmocka_unit_test(test_clip__a_real_dress_falls_unshortened),
     };
     return cmocka_run_group_tests_name("sweep", tests, NULL, NULL);
