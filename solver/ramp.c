@@ -148,6 +148,8 @@ static drape_status grow(struct dr_state *s, double before, double after, drape_
         return status;
     if (s->cloth->contact)
         dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
+    if (s->cloth->self)
+        dr_self_clip(s->cloth->self, s->x, s->w);
     for (size_t i = 0; i < count; i++)
         s->x[i] += s->w[i];
     return DRAPE_OK;

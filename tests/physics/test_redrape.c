@@ -220,6 +220,36 @@ static void test_redrape__cloth_grows_with_its_pattern(void **state)
     }
 }
 
+/* A strip wound up in two turns, of which the inner one is held: shrunk by 8 %, the outer one would come to
+ * lie 7 mm farther in, on the other side of the inner one. */
+static void test_redrape__cloth_does_not_shrink_through_itself(void **state)
+{
+    (void)state;
+    const double radius = 0.05, apart = 0.004, turn = 2 * 3.14159265358979323846;
+    struct setup *setup =
+        setup_new(grid_new(GRID_ALTERNATING, 64, 3, 2 * turn * radius, 0.03, 0), isotropic(0.2, 400, 1e-5));
+    double pattern[2 * 65 * 4];
+    memset(setup->desc.gravity, 0, sizeof setup->desc.gravity);
+    setup->desc.self_contact = DRAPE_SELF_CONTACT_ON;
+    memcpy(pattern, setup->grid.uv, sizeof pattern);
+    setup->desc.start_pattern = pattern;
+    for (size_t i = 0; i < setup->grid.vertices; i++) {
+        double angle = setup->grid.uv[2 * i] / radius, r = radius + apart * angle / turn;
+        setup->x[3 * i] = r * cos(angle);
+        setup->x[3 * i + 1] = r * sin(angle);
+    }
+    pin_columns(setup, 33);
+    scale_pattern(setup, 0.92);
+    drape_options options = drape_options_default();
+    options.max_iterations = 30;
+    struct run run = run_new(&setup->desc, &options);
+    tell("a strip wound up", setup, &run);
+    assert_in_range(run.report->ramp_steps, 1, 2);
+    assert_int_equal(run.report->self_intersections, 0);
+    run_done(&run);
+    setup_free(setup);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -228,6 +258,7 @@ int main(void)
         cmocka_unit_test(test_redrape__friction_of_layers_holds_from_the_first),
         cmocka_unit_test(test_redrape__another_size_is_the_drape_from_scratch),
         cmocka_unit_test(test_redrape__cloth_grows_with_its_pattern),
+        cmocka_unit_test(test_redrape__cloth_does_not_shrink_through_itself),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
