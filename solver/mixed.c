@@ -432,17 +432,24 @@ static void hold_single(struct dr_state *s)
     find_residual(s);
 }
 
+/* How far a node moves at most, m. */
+static double longest_move(const struct dr_state *s)
+{
+    double longest = 0;
+    for (size_t i = 0; i < 3 * s->cloth->mesh->nodes; i += 3)
+        longest =
+            fmax(longest, sqrt(s->w[i] * s->w[i] + s->w[i + 1] * s->w[i + 1] + s->w[i + 2] * s->w[i + 2]));
+    return longest;
+}
+
 /* Scales a step down that is too long for the model to hold, beyond `limit` of second-order strain. False: it
  * was not, but may have been for the cloth. */
 static bool shorten(struct dr_state *s, double limit)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
-    double longest = 0, strain;
-    for (size_t i = 0; i < count; i += 3)
-        longest =
-            fmax(longest, sqrt(s->w[i] * s->w[i] + s->w[i + 1] * s->w[i + 1] + s->w[i + 2] * s->w[i + 2]));
+    double strain;
     dr_cloth_second_order(s->cloth, s->x, s->w, &strain);
-    double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest));
+    double scale = fmin(1, fmin(sqrt(limit / strain), LONGEST_MOVE / longest_move(s)));
     bool shortened = scale < 1, locked = false;
     if (s->cloth->self) {
         for (size_t i = 0; i < count; i++)
@@ -476,8 +483,8 @@ static drape_status find_correction(struct dr_state *s, bool *ret_found, drape_e
     return status < 0 ? status : touch(s, reterr);
 }
 
-/* w such that the whole step stops at the bodies and takes no part of the cloth through another. `allowed`: it
- * does not as it is, but stopping a node may let others run into it. */
+/* w such that the whole step stops at the bodies and takes no part of the cloth through another. `allowed`:
+ * it does not as it is, but stopping a node may let others run into it. */
 static void clip(struct dr_state *s, bool allowed)
 {
     bool stopped = s->cloth->contact && dr_contact_clip(s->cloth->contact, s->x, s->w, DR_CONTACT_DEPTH);
@@ -552,7 +559,7 @@ static drape_status chords(struct dr_state *s, drape_error *reterr)
         if (dr_cloth_largest_force(s->cloth, s->f) <= s->sim->options.tolerance * s->weight)
             return DRAPE_OK;
         drape_status status = solve_model(s, reterr);
-        if (status < 0 || s->negative)
+        if (status < 0 || s->negative || longest_move(s) > LONGEST_MOVE)
             return status;
         clip(s, false);
         double strain, foreseen = 0.5 * dr_state_dot(s, s->f, s->w);
