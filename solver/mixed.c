@@ -43,8 +43,9 @@
 
 #define FIRST_H_MIN   0.005 /* s: the job's time step, held to this range, is the first h */
 #define FIRST_H_MAX   0.05
-#define H_MAX         0.2 /* s, about sqrt(height/g); free once the whole true Hessian is positive definite */
-#define GROWTH        2   /* of h after a step that the model foresaw */
+#define H_MAX         0.2 /* s, about sqrt(height/g); free once the whole true Hessian is positive definite; */
+#define H_MAX_BODIES  0.4  /* with bodies steps are scaled down besides */
+#define GROWTH        2    /* of h after a step that the model foresaw */
 #define SMOOTH        0.02 /* strain of the last step below which the true Hessian is used */
 #define GOOD_FIT      0.25 /* actual over predicted decrease */
 #define BAD_FIT       (-2.0)
@@ -69,15 +70,18 @@
 #define NOISY_GAIN    2 /* they divide the force by more, or that is round-off, too */
 
 /* With bodies */
-#define MOST_ROUNDS   3    /* of looking again at which gaps the step closes */
-#define MOST_TOUCH    20   /* conjugate gradient steps of a round */
-#define GAP_PRECISION 0.3  /* of the preconditioned residual, relative to that of the whole force */
-#define LONGEST_MOVE  0.05 /* m; a longer step is scaled down as a whole */
-#define MOST_STRAIN   0.5  /* likewise */
-#define MOST_TRUE     0.25 /* likewise, of a step with the true Hessian */
-#define MOST_HALVINGS 20   /* of a step that the model says climbs */
-#define LOCKED        0.1  /* part of a step that the cloth allows; below, single nodes are held */
-#define MOST_TURN     0.6  /* rad: of a corrected step, while its gaps are looked at */
+#define MOST_ROUNDS    3    /* of looking again at which gaps the step closes */
+#define MOST_TOUCH     20   /* conjugate gradient steps of a round */
+#define PRECISE_BODIES 1e-3 /* instead of PRECISE */
+#define GAP_PRECISION  0.3  /* of the preconditioned residual, relative to that of the whole force */
+#define LONGEST_MOVE   0.05 /* m; a longer step is scaled down as a whole */
+#define MOST_STRAIN    0.5  /* likewise */
+#define MOST_TRUE      0.25 /* likewise, of a step with the true Hessian */
+#define MOST_HALVINGS  20   /* of a step that the model says climbs */
+#define LOCKED         0.1  /* part of a step that the cloth allows; below, single nodes are held */
+#define MOST_TURN      0.6  /* rad: of a corrected step, while its gaps are looked at */
+#define MOST_FALSE     30 /* false stretch over predicted decrease of a corrected step; beyond it is trimmed */
+#define MOST_TRIMS     4
 
 /* Of the second-order correction */
 #define FALSE_PART  0.02 /* of false stretch in what was gained, up to which there is nothing to correct */
@@ -212,7 +216,7 @@ static drape_status correct(struct dr_state *s, drape_error *reterr)
 {
     size_t count = 3 * s->cloth->mesh->nodes;
     double *r = s->extra[RESIDUAL], *p = s->extra[DIRECTION], *z = s->x_next; /* free until the move */
-    double precision = s->corrected ? CG_PRECISION : PRECISE;
+    double precise = s->gaps ? PRECISE_BODIES : PRECISE, precision = s->corrected ? CG_PRECISION : precise;
     int steps = s->corrected ? MOST_CG : MOST_PRECISE;
     memcpy(r, s->f, count * sizeof *r);
     memcpy(p, s->w, count * sizeof *p);
@@ -470,6 +474,20 @@ static bool shorten(struct dr_state *s, double limit)
     return shortened;
 }
 
+/* Scales a corrected step down until its false stretch is in proportion to what it gains. Where the model is
+ * all but flat it goes as far as it may turn, for next to nothing, and what corrections make of that is as
+ * often above where it began as below. */
+static void trim(struct dr_state *s)
+{
+    for (int i = 0; i < MOST_TRIMS; i++) {
+        double strain, gain = predict(s);
+        double false_stretch = dr_cloth_second_order(s->cloth, s->x, s->w, &strain); /* as the fourth power */
+        if (!(gain > 0 && false_stretch > 1.05 * MOST_FALSE * gain))
+            return;
+        scale_step(s, fmax(0.25, sqrt(sqrt(MOST_FALSE * gain / false_stretch))));
+    }
+}
+
 /* ---- second-order correction ---------------------------------------------------------------------- */
 
 /* The step w from x with the semi-definite Hessian there, by Newton's method on the model with its gaps.
@@ -617,6 +635,8 @@ static drape_status assess(struct dr_state *s, drape_error *reterr)
         if (status < 0)
             return status;
         s->shortened = shorten(s, s->whole || s->corrected ? MOST_TRUE : MOST_STRAIN);
+        if (s->corrected)
+            trim(s);
     }
     s->predicted = predict(s);
     if (s->cautious)
@@ -674,7 +694,7 @@ static bool adapt(struct dr_state *s)
     else if (noise || (!s->pivot_failed && !s->shortened))
         s->h *= GROWTH;
     if (!s->whole)
-        s->h = fmin(s->h, H_MAX);
+        s->h = fmin(s->h, s->gaps ? H_MAX_BODIES : H_MAX);
     if (s->corrected && s->ratio < GOOD_FIT)
         s->limit = fmax(s->limit / 4, LIMIT_MIN);
     else if (s->cut && s->ratio > LIMIT_FIT)
