@@ -1,6 +1,6 @@
 # bench.jq - the tables of bench.sh, in Markdown or as a page.
 # usage: jq -rn -f bench.jq --arg form md|html --slurpfile rows ROWS --slurpfile floor FLOOR --slurpfile workers WORKERS
-#            --slurpfile blender BLENDER --argjson limit SECONDS --argjson most ITERATIONS --arg processors N
+#            --slurpfile waits WAITS --argjson count WORKERS --slurpfile blender BLENDER --argjson limit SECONDS --argjson most ITERATIONS --arg processors N
 # A row of ROWS is a scene: {scene, triangles, methods: [{method, outcome, "own_1e-03": {...}, ..., report}]}.
 
 def digits($n): pow(10; $n) as $unit | . * $unit | round / $unit;
@@ -68,6 +68,15 @@ def throughput: {title: "One job and four, on one worker and on two",
     rows: [(1, 4) as $jobs | [$workers[] | select(.jobs == $jobs).seconds] | select(length == 2)
         | [$jobs, .[0], .[1], .[0] / .[1]]]};
 
+# Seconds until the potential energy stays within a thousandth of its whole drop of the last one.
+def nearly: (.trace.columns | index("seconds")) as $s | (.trace.columns | index("potential")) as $e
+    | .trace.rows as $rows | $rows[-1][$e] as $last | (($rows[0][$e] - $last) * 1e-3) as $near
+    | [range($rows | length) | select(($rows[.][$e] - $last | fabs) > $near)] | (max // -1) + 1 | $rows[.][$s];
+def waiting: {title: "What a configurator waits for",
+    text: "Seconds from posting a job to a daemon that has not seen the body until its first preview and until its end; of the run, until the energy stays within a thousandth of its drop, and until the residual force is 1e-3. With friction 0.3 and self-contact, on one worker and on two. Re-drapes begin from the drape above; theirs is no preview.",
+    head: ["garment", "workers", "first preview", "the end", "run: energy to 1e-3", "run: rest to 1e-3", "iterations", "verdict"],
+    rows: [$waits[] | [.name, .workers, .shown, .ended, nearly, .report.seconds, .report.iterations, .verdict]]};
+
 # Seconds until the energy stays within 0.01 % of the last one.
 def settled: .rows as $rows | $rows[-1][1] as $last
     | [range($rows | length) | select(($rows[.][1] - $last | fabs) > 1e-4 * ($last | fabs))] | (max // -1) + 1
@@ -78,8 +87,8 @@ def yardstick: {title: "Beside Blender's cloth",
     rows: ([$blender[] | . + {seconds: settled}] | .[0].seconds as $auto
         | map([.program, (.rows | length), .seconds, (.seconds | over($auto)), .rows[-1][1], .speed // 0]))};
 
-[(ratios, costs, shares, floors, growth, throughput, yardstick) | select(.rows != [])] as $tables
-| "At most \($most) iterations and \($limit) s a run, one worker, \($processors) processors." as $said
+[(ratios, costs, shares, floors, growth, waiting, throughput, yardstick) | select(.rows != [])] as $tables
+| "At most \($most) iterations and \($limit) s a run; workers: \($count), processors: \($processors)." as $said
 | if $form == "md" then
     "# What a drape costs", "", $said, ($tables[]
         | "", "## \(.title)", "", .text, "", (.head, (.head | map("---")), .rows[] | "| \(map(text) | join(" | ")) |"))

@@ -4,23 +4,26 @@
 # build/bench.md, and the same as a page in build/bench.html.
 #   SCENES='square-5000-* shirt'   only those of: square-{5000,20000,60000,200000}-{10,1000,10000} (triangles, N/m)
 #                                  wrinkles-{20000,100000} shirt skirt8 dress; workers: jobs alone and beside each other;
-#                                  blender: its cloth on a square of 19 200 (installs Debian's blender)
+#                                  waits: what a configurator waits for; blender: its cloth on a square of 19 200
+#                                  (installs Debian's blender)
 #   METHODS='auto dynamic'         (auto stop-and-go:stop_on=potential dynamic newton:line_search=true)
 #   TIME_LIMIT=60                  seconds of a run               (300)
 #   ITERATIONS=100                 iterations of a run            (1000)
 #   FRAMES=200                     of Blender's, 25 a second      (500)
+#   WORKERS=2                      of the daemon: a job alone borrows the other ones' processors  (1)
 . "$(dirname "$0")/lib.sh"
 out=build/bench
 shared=../shared/data
 limit=${TIME_LIMIT:-300}
 most=${ITERATIONS:-1000}
 frames=${FRAMES:-500}
+workers=${WORKERS:-1}
 read -ra wanted <<<"${SCENES:-*}"
 read -ra methods <<<"${METHODS:-auto stop-and-go:stop_on=potential dynamic newton:line_search=true}"
 
 mkdir -p "$out"
 build/release/tests/bench/floor >"$work/floor"
-start_daemon
+start_daemon "$workers"
 
 is_wanted() {
     local scene
@@ -65,38 +68,78 @@ run_wrinkles() { # run_wrinkles TRIANGLES: see wrinkles.sh
     solve "wrinkles-$1" "$work/job" "$(triangles_of "$work/job")"
 }
 
-run_garment() { # run_garment NAME: as in garments.sh
-    is_wanted "$1" || return 0
-    [[ -r $shared/bodies/body_f_A.obj ]] || { say "$shared is absent: no $1" && return; }
+has_data() { [[ -r $shared/bodies/body_f_A.obj ]] || { say "$shared is absent: no $1" && return 1; }; }
+
+garment() { # garment NAME: its job, as in garments.sh
     build/drape scene --garment "$shared/garments/$1.obj" --seams "$shared/garments/$1.seams" \
         --body "$shared/bodies/body_f_A.obj" --material cotton-poplin --friction 0.3 --self-contact on |
         jq -c 'del(.cloth.triangle_material) | .cloth.materials = [{density: 0.17,
-            stretch: {weft: 400, warp: 400, shear: 100}, poisson: 0, bend: {weft: 1e-5, warp: 1e-5, twist: 5e-6}}]' >"$work/job"
+            stretch: {weft: 400, warp: 400, shear: 100}, poisson: 0, bend: {weft: 1e-5, warp: 1e-5, twist: 5e-6}}]'
+}
+
+run_garment() { # run_garment NAME
+    is_wanted "$1" && has_data "$1" || return 0
+    garment "$1" >"$work/job"
     solve "$1" "$work/job" "$(triangles_of "$work/job")"
+}
+
+# wait_for NAME WORKERS JOB [FROM]: posts it and watches its events; sets `id`.
+wait_for() {
+    local posted=$EPOCHREALTIME shown='' line
+    id=$(build/drape submit "$3" ${4:+--from "$4"} -q --json | jq -r .id)
+    while IFS= read -r line; do
+        [[ ${line%$'\r'} != 'event: preview' ]] || shown=${shown:-$EPOCHREALTIME}
+    done < <(curl -sSfN "$url/v1/jobs/$id/events")
+    local ended=$EPOCHREALTIME
+    curl -sSf "$url/v1/jobs/$id" >"$work/ended"
+    curl -sSf "$url/v1/jobs/$id/trace?format=json" >"$work/trace"
+    jq -c --arg name "$1" --argjson workers "$2" --argjson shown "${shown:-null}" --argjson posted "$posted" \
+        --argjson ended "$ended" --slurpfile trace "$work/trace" '{$name, $workers, verdict, report,
+            shown: (if $shown then $shown - $posted else null end), ended: ($ended - $posted), trace: $trace[0]}' \
+        "$work/ended" >>"$work/waits"
+}
+
+# From scratch in a daemon that has not seen the body, then again with a larger pattern.
+run_waits() {
+    is_wanted waits && has_data waits || return 0
+    local count name
+    for count in 1 2; do
+        for name in shirt dress; do
+            stop_daemon
+            start_daemon "$count"
+            say "$name on $count workers"
+            garment "$name" | jq -c '.solver.tolerance = 1e-3' >"$work/job"
+            wait_for "$name" "$count" "$work/job"
+            jq -c '.cloth.mesh.pattern |= map(. * 1.05)' "$work/job" >"$work/larger"
+            wait_for "$name, pattern 5 % larger" "$count" "$work/larger" "$id"
+        done
+    done
+    stop_daemon
+    start_daemon "$workers"
 }
 
 # One job on one worker and on two, of which it borrows the other's processor; then four jobs alike. From the first one's
 # beginning to the last one's end.
 run_workers() {
     is_wanted workers || return 0
-    local workers jobs id ids
+    local count jobs id ids
     build/drape example square --triangles 60000 | jq -c '.solver = {tolerance: 1e-3}' >"$work/job"
-    for workers in 1 2; do
+    for count in 1 2; do
         stop_daemon
-        start_daemon "$workers"
+        start_daemon "$count"
         for jobs in 1 4; do
-            say "$jobs jobs on $workers workers"
+            say "$jobs jobs on $count workers"
             ids=()
             for ((i = 0; i < jobs; i++)); do ids+=("$(build/drape submit "$work/job" -q --json | jq -r .id)"); done
             for id in "${ids[@]}"; do build/drape watch "$id" -q >"$work/said"; done
-            for id in "${ids[@]}"; do curl -sSf "$url/v1/jobs/$id"; done | jq -cs --argjson workers "$workers" '
+            for id in "${ids[@]}"; do curl -sSf "$url/v1/jobs/$id"; done | jq -cs --argjson workers "$count" '
                 def seconds: (.[:19] + "Z" | fromdateiso8601) + (.[19:-1] | if . == "" then 0 else "0" + . | tonumber end);
                 {$workers, jobs: length, seconds: ((map(.finished_at | seconds) | max) - (map(.started_at | seconds) | min))}' \
                 >>"$work/workers"
         done
     done
     stop_daemon
-    start_daemon
+    start_daemon "$workers"
 }
 
 # The same square by Blender's cloth, in seconds of processor time until the potential energy in gravity stays within
@@ -132,16 +175,18 @@ cpu_seconds() {
 : >"$work/rows"
 : >"$work/workers"
 : >"$work/blender"
+: >"$work/waits"
 for size in 5000 20000 60000 200000; do
     for stretch in 10 1000 10000; do run_square "$size" "$stretch"; done
 done
 for size in 20000 100000; do run_wrinkles "$size"; done
 for garment in shirt skirt8 dress; do run_garment "$garment"; done
+run_waits
 run_workers
 run_blender
 for form in md html; do
     jq -rn -f tests/bench/bench.jq --arg form "$form" --slurpfile rows "$work/rows" --slurpfile floor "$work/floor" \
-        --slurpfile workers "$work/workers" --slurpfile blender "$work/blender" --argjson limit "$limit" --argjson most "$most" \
+        --slurpfile workers "$work/workers" --slurpfile waits "$work/waits" --argjson count "$workers" --slurpfile blender "$work/blender" --argjson limit "$limit" --argjson most "$most" \
         --arg processors "$(nproc)" >"build/bench.$form"
 done
 cat build/bench.md
