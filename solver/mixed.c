@@ -65,9 +65,10 @@
 #define PATIENCE      60  /* iterations without a better state until the watchdog bites */
 #define CAUTIOUS      20  /* iterations with H+ alone after it */
 #define MOST_BITES    3
-#define MOST_ATTEMPTS 8 /* at a factor */
-#define MOST_NOISY    8 /* Newton steps in a row whose decrease is below round-off; */
-#define NOISY_GAIN    2 /* they divide the force by more, or that is round-off, too */
+#define MOST_ATTEMPTS 8    /* at a factor */
+#define WORTH_SHARING 8000 /* triangles: a product takes longer than waking somebody */
+#define MOST_NOISY    8    /* Newton steps in a row whose decrease is below round-off; */
+#define NOISY_GAIN    2    /* they divide the force by more, or that is round-off, too */
 
 /* With bodies */
 #define MOST_ROUNDS    3    /* of looking again at which gaps the step closes */
@@ -155,18 +156,30 @@ static double turn(const struct dr_state *s, const double *move)
     return sqrt(2 * strain);
 }
 
-/* Curvature of the model along DIRECTION, and *ret_kept of the matrix alone; leaves KEPT and DROPPED. */
-static double curvature(struct dr_state *s, double *ret_kept)
+/* For dr_hand_both: KEPT, the matrix times DIRECTION, and DROPPED, what it lacks of the model. */
+static void multiply_half(void *data, int half)
 {
-    const struct dr_mesh *mesh = s->cloth->mesh;
-    double *p = s->extra[DIRECTION], *dropped = s->extra[DROPPED];
-    dr_matrix_multiply(s->cloth->A, p, s->extra[KEPT]);
-    *ret_kept = dr_state_dot(s, p, s->extra[KEPT]);
-    memset(dropped, 0, 3 * mesh->nodes * sizeof *dropped);
+    struct dr_state *s = data;
+    const double *p = s->extra[DIRECTION];
+    double *dropped = s->extra[DROPPED];
+    if (half == 0) {
+        dr_matrix_multiply(s->cloth->A, p, s->extra[KEPT]);
+        return;
+    }
+    memset(dropped, 0, 3 * s->cloth->mesh->nodes * sizeof *dropped);
     if (s->corrected)
         dr_cloth_left_out(s->cloth, s->x, p, dropped);
     dr_cloth_add_remainder(s->cloth, p, dropped);
-    return *ret_kept + dr_state_dot(s, p, dropped);
+}
+
+/* Curvature of the model along DIRECTION, and *ret_kept of the matrix alone; leaves KEPT and DROPPED. */
+static double curvature(struct dr_state *s, double *ret_kept)
+{
+    const double *p = s->extra[DIRECTION];
+    bool shared = s->cloth->mesh->triangles >= WORTH_SHARING && (s->corrected || s->cloth->remainder);
+    dr_hand_both(shared ? &s->sim->hand : NULL, multiply_half, s);
+    *ret_kept = dr_state_dot(s, p, s->extra[KEPT]);
+    return *ret_kept + dr_state_dot(s, p, s->extra[DROPPED]);
 }
 
 /* w += length p, RESIDUAL with it. */
