@@ -73,16 +73,34 @@ static uint64_t pair_key(uint32_t a, uint32_t b)
     return (uint64_t)low << 32 | high;
 }
 
-static int compare_keys(const void *left, const void *right)
-{
-    uint64_t a = *(const uint64_t *)left, b = *(const uint64_t *)right;
-    return (a > b) - (a < b);
-}
-
 struct pairs {
     uint64_t *key;
     size_t count;
 };
+
+/* Sorts the keys, whose columns and rows are less than n: by rows, then by columns, each by counting. False:
+ * out of memory. */
+static bool sort_pairs(struct pairs *pairs, size_t n)
+{
+    uint64_t *from = pairs->key, *to = malloc(pairs->count * sizeof *to);
+    size_t *place = malloc((n + 1) * sizeof *place);
+    bool room = to && place;
+    for (int shift = 0; room && shift < 64; shift += 32) {
+        memset(place, 0, (n + 1) * sizeof *place);
+        for (size_t i = 0; i < pairs->count; i++)
+            place[(from[i] >> shift & UINT32_MAX) + 1]++;
+        for (size_t k = 0; k < n; k++)
+            place[k + 1] += place[k];
+        for (size_t i = 0; i < pairs->count; i++)
+            to[place[from[i] >> shift & UINT32_MAX]++] = from[i];
+        uint64_t *last = from;
+        from = to;
+        to = last;
+    }
+    free(to); /* twice exchanged: its own again */
+    free(place);
+    return room;
+}
 
 static void push_pair(struct pairs *pairs, const uint32_t *row, uint32_t a, uint32_t b)
 {
@@ -111,7 +129,11 @@ static bool collect_pairs(const struct dr_mesh *mesh, const struct dr_bend_stiff
     for (size_t i = 0; i < links; i++)
         push_pair(ret, row, link[2 * i], link[2 * i + 1]);
 
-    qsort(ret->key, ret->count, sizeof *ret->key, compare_keys);
+    if (!sort_pairs(ret, mesh->nodes)) {
+        free(ret->key);
+        ret->key = NULL;
+        return false;
+    }
     size_t kept = 0;
     for (size_t i = 0; i < ret->count; i++)
         if (!i || ret->key[i] != ret->key[i - 1])

@@ -53,7 +53,7 @@ def floors: $floor[0] as $best | {title: "Above the floor",
 
 # Exponent of triangles in auto's seconds, from each size to the next and from the first to the last.
 def exponent($a; $b): ($a | auto | cost("1e-06").seconds) as $from | ($b | auto | cost("1e-06").seconds) as $to
-    | if $from == null or $to == null then null else ($to / $from | log) / ($b.triangles / $a.triangles | log) end;
+    | if $from == null or $to == null then null else ($to / $from | log) / ($b.triangles / $a.triangles | log) | digits(2) | tostring end;
 def growth: {title: "Growth", text: "p, where the seconds of auto to 1e-6 grow as triangles to the power of p.",
     head: ["square", "5k to 20k", "20k to 60k", "60k to 200k", "5k to 200k"],
     rows: [("10", "1000", "10000") as $stretch
