@@ -31,7 +31,7 @@ struct dr_bvh {
     struct dr_box *box;   /* count: of the positions */
     struct dr_box *move;  /* count: of the motions; dr_sweep's and dr_pairs_add's */
     bool shaped;          /* the tree has its shape */
-    struct dr_hand *hand; /* who fits one half of the boxes; NULL: nobody else */
+    struct dr_hand *hand; /* whence half of the work on it is lent; NULL: nowhere */
 };
 
 #define DR_BVH_LEAF 0x80000000u /* more than twice DRAPE_MAX_TRIANGLES */

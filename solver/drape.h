@@ -117,9 +117,10 @@ typedef struct drape_material {
 } drape_material;
 
 /* Processors that sims share. A running sim uses one; while there is one that none uses, it borrows that,
- * some milliseconds at a time, for half of its linear algebra and of its distances to bodies. So does a field
- * in the making. What comes out is the same to the last bit. Lent by `count` / 2 threads, or as many as the
- * system grants, which wait meanwhile and leave with drape_processors_free. One lock inside; any thread. */
+ * some milliseconds at a time, for half of its linear algebra, of its distances to bodies and of its searches
+ * for cloth near cloth. So does a field in the making. What comes out is the same to the last bit. Lent by
+ * `count` / 2 threads, or as many as the system grants, which wait meanwhile and leave with
+ * drape_processors_free. One lock inside; any thread. */
 typedef struct drape_processors drape_processors;
 
 /* NULL: out of memory. */

@@ -10,8 +10,7 @@
 /* Times that the radius is halved where it finds too many pairs, before it is 0. */
 #define HALVINGS 3
 
-#define WORTH_SHARING                                                                                        \
-    5000 /* triangles: half of a search, and of a step's sweep, takes longer than waking somebody */
+#define WORTH_SHARING 5000 /* triangles: half of a search takes longer than waking somebody */
 
 /* ---- made and freed --------------------------------------------------------------------------- */
 
