@@ -37,10 +37,12 @@ for ((i = 0; i < 4; i++)); do
         "$(without_seconds "$work/alone-0.csv" | sha256sum)"
 done
 
-# Large enough for halves of its factorisations to be worth sharing.
-"$DRAPE" example square --triangles 8000 | jq -c '.solver = {max_iterations: 4}' >"$work/job"
+# Large enough for halves of everything to be worth sharing: factorisations, products, distances, searches of cloth near cloth.
+"$DRAPE" example square --triangles 10000 | jq -c '.solver = {max_iterations: 6} | .self_contact = "on"
+    | .bodies = [{sphere: {center: [0.25, 0.898, -0.25], radius: 0.1}, offset: 0.003}]' >"$work/job"
 drape_copies one 1 1
 drape_copies two 2 1
+json 'it touches the body, and looks for itself' '.report.energies.contact > 0 and .report.stages["broad-phase"] > 0' "$work/one-0.job"
 check 'with a borrowed processor: the same glb' cmp "$work/one-0.glb" "$work/two-0.glb"
 is 'and the same trace' "$(without_seconds "$work/two-0.csv" | sha256sum)" "$(without_seconds "$work/one-0.csv" | sha256sum)"
 json 'one worker has nothing to lend' '.report.borrowed_seconds == 0' "$work/one-0.job"
