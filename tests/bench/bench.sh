@@ -34,19 +34,20 @@ is_wanted() {
     return 1
 }
 
-# solve NAME JOB TRIANGLES: compares the methods, `auto` with a certificate, and keeps the reports.
+# solve NAME JOB TRIANGLES METHOD...: compares them, `auto` with a certificate, and keeps the reports.
 solve() {
-    local members id
+    local members id name=$1 job=$2 triangles=$3
+    shift 3
     members='{"tolerance": 1e-6, "max_iterations": '$most', "time_limit_s": '$limit', "time_step": 0.02}'
     # Newton's LDL' of a large matrix takes minutes; who asks for less time means it.
-    compare "$1" "$2" "$members" "${methods[@]/#auto/auto:certify=true}"
+    compare "$name" "$job" "$members" "${@/#auto/auto:certify=true}"
     : >"$work/reports"
-    for id in $(jq -r '.methods[].id // empty' "$out/$1.json"); do
+    for id in $(jq -r '.methods[].id // empty' "$out/$name.json"); do
         curl -sSf "$url/v1/jobs/$id" >>"$work/reports"
     done
-    jq -s 'map({key: .id, value: .report}) | from_entries' "$work/reports" >"$out/$1.reports"
-    jq -c --arg scene "$1" --argjson triangles "$3" --slurpfile report "$out/$1.reports" \
-        '{$scene, $triangles, methods: [.methods[] | . + {report: $report[0][.id // ""]}]}' "$out/$1.json" >>"$work/rows"
+    jq -s 'map({key: .id, value: .report}) | from_entries' "$work/reports" >"$out/$name.reports"
+    jq -c --arg scene "$name" --argjson triangles "$triangles" --slurpfile report "$out/$name.reports" \
+        '{$scene, $triangles, methods: [.methods[] | . + {report: $report[0][.id // ""]}]}' "$out/$name.json" >>"$work/rows"
 }
 
 triangles_of() { jq '.cloth.mesh.triangles | length / 3' "$1"; }
@@ -57,7 +58,7 @@ run_square() { # run_square TRIANGLES N_PER_M
     is_wanted "square-$1-$2" || return 0
     build/drape example square --triangles "$1" |
         jq -c --argjson k "$2" '.cloth.materials[0].stretch = {weft: $k, warp: $k, shear: ($k / 2)}' >"$work/job"
-    solve "square-$1-$2" "$work/job" "$(triangles_of "$work/job")"
+    solve "square-$1-$2" "$work/job" "$(triangles_of "$work/job")" "${methods[@]}"
 }
 
 run_wrinkles() { # run_wrinkles TRIANGLES: see wrinkles.sh
@@ -65,7 +66,7 @@ run_wrinkles() { # run_wrinkles TRIANGLES: see wrinkles.sh
     build/drape example skirt --triangles "$1" >"$work/skirt"
     settle "$work/skirt" "$work/positions" 1e-3
     jq -c --slurpfile x "$work/positions" '.cloth.mesh.positions = $x[0]' "$work/skirt" >"$work/job"
-    solve "wrinkles-$1" "$work/job" "$(triangles_of "$work/job")"
+    solve "wrinkles-$1" "$work/job" "$(triangles_of "$work/job")" "${methods[@]}"
 }
 
 has_data() { [[ -r $shared/bodies/body_f_A.obj ]] || { say "$shared is absent: no $1" && return 1; }; }
@@ -77,10 +78,12 @@ garment() { # garment NAME: its job, as in garments.sh
             stretch: {weft: 400, warp: 400, shear: 100}, poisson: 0, bend: {weft: 1e-5, warp: 1e-5, twist: 5e-6}}]'
 }
 
-run_garment() { # run_garment NAME
+run_garment() { # run_garment NAME: without Newton, whose whole steps go through cloth, which is refused
     is_wanted "$1" && has_data "$1" || return 0
+    local method kept=()
+    for method in "${methods[@]}"; do [[ $method == newton* ]] || kept+=("$method"); done
     garment "$1" >"$work/job"
-    solve "$1" "$work/job" "$(triangles_of "$work/job")"
+    solve "$1" "$work/job" "$(triangles_of "$work/job")" "${kept[@]}"
 }
 
 # wait_for NAME WORKERS JOB [FROM]: posts it and watches its events; sets `id`.
