@@ -11,14 +11,16 @@
 #define SHAPE   0.35   /* of new triangles, see shape_of: 0.35 has a height of a fifth of its base */
 #define LONGEST 1.6    /* new edges over the length asked for */
 #define OUTLINE 0.0625 /* of that length: that the outline may move by */
-#define SHARP   0.87   /* cosine of 30 degrees: an outline that turns by more has a corner there */
-#define SWEEPS  3      /* over all edges, to flip them, after each pass of collapses */
-#define GAIN    1e-3   /* of the worse shape: what makes a flip worth it */
+#define LENGTHS                                                                                              \
+    1024 /* classes of new lengths: sorted by counting, and rounding does not tell alike ones apart */
+#define SHARP  0.87 /* cosine of 30 degrees: an outline that turns by more has a corner there */
+#define SWEEPS 3    /* over all edges, to flip them, after each pass of collapses */
+#define GAIN   1e-3 /* of the worse shape: what makes a flip worth it */
 
 enum kind { INNER = 0, LINE, KEPT }; /* KEPT: stays; LINE: goes along its line only */
 
 struct collapse {
-    double length;
+    uint32_t class;      /* of its length */
     uint32_t from, into; /* vertices */
 };
 
@@ -42,7 +44,8 @@ struct coarsening {
     uint32_t *mark;     /* vertices: the last round that met it */
     uint32_t round;
     bool *touched;             /* vertices: this pass has changed what is around */
-    struct collapse *collapse; /* 6*triangles */
+    struct collapse *found;    /* 6*triangles */
+    struct collapse *collapse; /* likewise, in order */
 };
 
 /* ---- in the pattern ----------------------------------------------------------------------------- */
@@ -423,34 +426,35 @@ static void collapse(struct coarsening *c, uint32_t v, uint32_t into)
     } while (u != v);
 }
 
-static int compare(const void *left, const void *right)
+/* The class of its length, of LENGTHS alike: closer than that they are alike. */
+static size_t class_of(const struct coarsening *c, double length)
 {
-    const struct collapse *a = left, *b = right;
-    if (a->length != b->length)
-        return a->length < b->length ? -1 : 1;
-    if (a->from != b->from)
-        return a->from < b->from ? -1 : 1;
-    return (int)(a->into > b->into) - (int)(a->into < b->into);
+    return (size_t)(LENGTHS * length / c->edge);
 }
 
-/* What might go, into where, the shortest way first. */
+/* What might go, into where, the shortest way first; those alike by vertex. */
 static size_t list_collapses(struct coarsening *c)
 {
-    size_t count = 0;
-    for (uint32_t i = 0; i < 3 * c->desc->triangles; i++) {
-        uint32_t v = c->triangle[i];
-        if (v == DR_NONE || c->kind[v] == KEPT || c->node[v] != v)
+    size_t end[LENGTHS + 1] = {0}, count = 0;
+    for (uint32_t v = 0; v < c->desc->vertices; v++) {
+        if (c->kind[v] == KEPT || c->node[v] != v)
             continue;
-        for (int k = c->kind[v] == INNER; k < 2; k++) { /* whose every neighbour comes after it once */
-            uint32_t w = c->triangle[k ? after(i) : before(i)];
-            double length = length_of(c, v, w);
-            bool open =
-                c->kind[v] == INNER || c->along[2 * (size_t)v] == w || c->along[2 * (size_t)v + 1] == w;
-            if (open && length < c->edge)
-                c->collapse[count++] = (struct collapse){length, v, w};
-        }
+        for (uint32_t i = c->first[v]; i != DR_NONE; i = c->next[i])
+            for (int k = c->kind[v] == INNER; k < 2; k++) { /* whose every neighbour comes after it once */
+                uint32_t w = c->triangle[k ? after(i) : before(i)];
+                double length = length_of(c, v, w);
+                bool open =
+                    c->kind[v] == INNER || c->along[2 * (size_t)v] == w || c->along[2 * (size_t)v + 1] == w;
+                if (open && length < c->edge) {
+                    c->found[count++] = (struct collapse){(uint32_t)class_of(c, length), v, w};
+                    end[class_of(c, length)]++;
+                }
+            }
     }
-    qsort(c->collapse, count, sizeof *c->collapse, compare);
+    for (size_t i = 1; i <= LENGTHS; i++)
+        end[i] += end[i - 1];
+    for (size_t i = count; i-- > 0;)
+        c->collapse[--end[c->found[i].class]] = c->found[i];
     return count;
 }
 
@@ -530,8 +534,8 @@ static void coarsen(struct coarsening *c)
 
 static void free_coarsening(struct coarsening *c)
 {
-    void *array[] = {c->triangle, c->first, c->next,    c->node, c->sewn, c->kind,    c->along,   c->traced,
-                     c->gone,     c->guest, c->company, c->host, c->mark, c->touched, c->collapse};
+    void *array[] = {c->triangle, c->first, c->next,    c->node, c->sewn, c->kind,    c->along, c->traced,
+                     c->gone,     c->guest, c->company, c->host, c->mark, c->touched, c->found, c->collapse};
     for (size_t i = 0; i < sizeof array / sizeof *array; i++)
         free(array[i]);
 }
@@ -553,9 +557,10 @@ static bool allocate(struct coarsening *c)
     c->host = malloc(v * sizeof *c->host);
     c->mark = calloc(v, sizeof *c->mark);
     c->touched = malloc(v * sizeof *c->touched);
+    c->found = malloc(6 * t * sizeof *c->found);
     c->collapse = malloc(6 * t * sizeof *c->collapse);
     return c->triangle && c->first && c->next && c->node && c->sewn && c->kind && c->along && c->traced &&
-           c->gone && c->guest && c->company && c->host && c->mark && c->touched && c->collapse;
+           c->gone && c->guest && c->company && c->host && c->mark && c->touched && c->found && c->collapse;
 }
 
 /* Joins the rings of two vertices that are sewn together, unless they are one. */
