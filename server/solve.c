@@ -100,6 +100,8 @@ static drape_status drape(struct run *run, struct problem *reterr)
     options.analyses = run->task->analyses;
     options.processors = run->task->processors;
     options.memory_limit = run->task->limits->job_memory;
+    if (run->spec->scene.coarse == DRAPE_COARSE_AUTO && options.method != DRAPE_METHOD_AUTO)
+        run->spec->scene.coarse = DRAPE_COARSE_SEWN;
     drape_status status = share_fields(run, &error);
     if (status >= 0)
         status = drape_scene_new(&run->spec->scene, &run->scene, &error);

@@ -1,8 +1,13 @@
-/* coarse.c - the first phase of a fine cloth: sews the coarse one and carries it up; and first looks.
+/* coarse.c - the first phase of a fine cloth: sews or drapes the coarse one and carries it up; and first
+ * looks.
  *
- * The coarse cloth is a scene of its own, with the same bodies and fabrics, and runs as any other, but for
- * one iteration only, which takes out what sewing strained: its wrinkles would be those of its own mesh, and
- * to begin with them cost a dress of 29 883 triangles a fifth more iterations than to begin without. */
+ * The coarse cloth is a scene of its own, with the same bodies and fabrics, and runs as any other. What has
+ * to be sewn gets one iteration only, which takes out what sewing strained: its wrinkles would be those of
+ * its own mesh, and to begin with them cost a dress of 29 883 triangles a fifth more iterations than to begin
+ * without. What hangs from flat, touched by no body, comes to rest: squares of 2000 to 200 000 triangles then
+ * take 2 to 5 iterations instead of 13. It may have a coarse cloth itself (nested iteration; Bornemann and
+ * Deuflhard, "The cascadic multigrid method", Numer. Math. 75, 1996). */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,7 +15,9 @@
 #include "self.h"
 #include "sim.h"
 
-#define ITERATIONS 1 /* of draping */
+#define ITERATIONS_SEWN 1 /* of draping */
+#define ITERATIONS      30
+#define TOLERANCE       1e-3 /* or the job's, if that is more: what is left is less than the meshes' difference */
 
 struct run {
     struct drape_sim *sim;
@@ -86,7 +93,12 @@ static drape_options options_of(struct run *run)
     drape_options options = sim->options;
     options.certify = options.fit = false;
     options.preview = NULL;
-    options.max_iterations = ITERATIONS;
+    if (sim->plan.pieces.mesh) {
+        options.max_iterations = ITERATIONS_SEWN;
+    } else {
+        options.max_iterations = options.max_iterations < ITERATIONS ? options.max_iterations : ITERATIONS;
+        options.tolerance = fmax(options.tolerance, TOLERANCE);
+    }
     options.time_limit -= dr_clock() - sim->began;
     options.progress = relay;
     options.progress_data = run;
@@ -147,14 +159,14 @@ static void account(struct drape_sim *sim, const struct drape_sim *coarse)
     size_t bytes[DR_TERMS] = {[DR_TERM_COARSE] = report->peak_bytes - dr_scene_bytes(coarse->scene)};
     dr_plan_hold(&sim->plan, DRAPE_PHASE_COARSE, bytes);
     sim->report.coarse_triangles = coarse->scene->mesh->triangles;
-    sim->report.coarse_iterations = report->iterations;
-    sim->report.coarse_factorizations = report->factorizations;
+    sim->report.coarse_iterations = report->iterations + report->coarse_iterations;
+    sim->report.coarse_factorizations = report->factorizations + report->coarse_factorizations;
     sim->report.borrowed_seconds += report->borrowed_seconds;
 }
 
 drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_error *reterr)
 {
-    double began = dr_clock();
+    double began = dr_clock() - sim->scene->coarse_seconds;
     struct run run = {.sim = sim};
     drape_options options = options_of(&run);
     drape_error error; /* of the coarse run, which may fail without harm */
@@ -165,7 +177,7 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
     if (status < 0)
         return status;
     drape_sim *coarse = run.coarse;
-    coarse->held_outside = dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
+    coarse->held_outside = sim->held_outside + dr_plan_held(&sim->plan) - dr_scene_bytes(coarse->scene);
     status = dr_sim_run(coarse, &error);
     if (status >= 0) {
         account(sim, coarse);
@@ -178,6 +190,8 @@ drape_status dr_coarse_drape(struct drape_sim *sim, bool *ret_carried, drape_err
     }
     if (*ret_carried) {
         sim->report.coarse_carried = true;
+        if (!sim->plan.pieces.mesh && sim->options.preview)
+            show(sim, coarse->positions);
         sim->report.sewing_iterations = coarse->report.sewing_iterations;
         sim->report.seam_gap = coarse->report.seam_gap;
     }

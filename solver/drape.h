@@ -179,14 +179,21 @@ typedef enum drape_self_contact {
     DRAPE_SELF_CONTACT_OFF
 } drape_self_contact;
 
-/* Whether the cloth is sewn on an automatically coarsened mesh first, of about a ninth of its triangles
- * (solver/coarsen.h), and begins from there. The result is of the whole mesh either way; the report's plan
- * says what was decided. Only cloth that starts where its pieces were placed, among bodies that stand, has a
- * coarse mesh. Where the coarse cloth does not come out well, or crosses itself once carried up, all begins
- * anew without. AUTO does it where there are open seams, all of one garment, and DRAPE_COARSE_FROM
- * triangles. */
+/* Whether the cloth is sewn, or where nothing has to be sewn draped, on an automatically coarsened mesh
+ * first, of about a ninth of its triangles (solver/coarsen.h), and begins from there. The result is of the
+ * whole mesh either way; the report's plan says what was decided. Only cloth that starts where its pieces
+ * were placed, among bodies that stand, has a coarse mesh. Where the coarse cloth does not come out well, or
+ * crosses itself once carried up, all begins anew without. From DRAPE_COARSE_FROM triangles on AUTO does it
+ * where there are open seams, all of one garment; and by DRAPE_METHOD_AUTO where nothing has to be sewn, nor
+ * a body touched, and all triangles start in one plane. SEWN is AUTO but for the latter: it saves the scene a
+ * mesh that no other method would use. */
 #define DRAPE_COARSE_FROM 2000
-typedef enum drape_coarse { DRAPE_COARSE_AUTO = 0, DRAPE_COARSE_ON, DRAPE_COARSE_OFF } drape_coarse;
+typedef enum drape_coarse {
+    DRAPE_COARSE_AUTO = 0,
+    DRAPE_COARSE_ON,
+    DRAPE_COARSE_OFF,
+    DRAPE_COARSE_SEWN
+} drape_coarse;
 
 /* A tape along edges of the cloth: a bar on each, of rest length R = factor times the edge's pattern length
  * (as cut), with the energy stiffness R/2 (l/R - 1)^2 at length l. It pulls with `stiffness` newtons per unit
@@ -403,7 +410,8 @@ typedef enum drape_phase {
 
 #define DRAPE_PHASES (DRAPE_PHASE_COARSE + 1)
 
-/* One iteration; row 0 is the start (after sewing and ramp). One row of the trace. */
+/* One iteration; row 0 is the start (after sewing and ramp). Where cloth that has not to be sewn was draped
+ * coarse, row 1 is what was carried up. One row of the trace. */
 typedef struct drape_row {
     uint32_t iteration;
     double seconds; /* since drape_sim_run began, sewing included */
@@ -412,8 +420,8 @@ typedef struct drape_row {
                                  * estimate, half the Newton decrement 1/2 f'A^-1 f with the step matrix A. A
                                  * holds M/dt^2, so the estimate is low while slow modes are left: 5 to 100
                                  * times on the paper's square until it hangs still. NAN where there is none:
-                                 * rk4, newton where its Jacobian is indefinite, and where the time limit left
-                                 * no time for the factorisation */
+                                 * rk4, newton where its Jacobian is indefinite, the start of what was draped
+                                 * coarse, and where the time limit left no time for the factorisation */
     double residual_force;      /* max over free nodes of |f_i| / (mean node mass * |g|) */
     bool stop;                  /* all velocities were cut to zero at this state */
     double time_step;           /* s */
@@ -445,8 +453,8 @@ typedef struct drape_preview {
     const uint32_t *seam;     /* 2*seams, likewise */
 } drape_preview;
 
-/* Runs on the solving thread: once the coarse cloth is sewn, if it has seams to close, and after iterations
- * 1, 2, 4, 8 and so on of the whole cloth. Only where there is a coarse mesh. */
+/* Runs on the solving thread: once the coarse cloth is sewn or, where nothing has to be sewn, at rest; and
+ * after iterations 1, 2, 4, 8 and so on of the whole cloth. Only where there is a coarse mesh. */
 typedef void drape_preview_fn(const drape_preview *preview, void *data);
 
 typedef struct drape_options {    /* start from drape_options_default() */

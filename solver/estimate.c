@@ -33,7 +33,7 @@ static const struct fill sewn_whole = {1317, 1};
 #define EVEN_BEND 275.0 /* of 6 */
 #define STRESS    24.0
 #define FIT       72.0
-#define COARSE    200.0 /* the coarse mesh and the way up */
+#define COARSE    30.0  /* the way up from a coarse mesh */
 #define NEAREST   100.0 /* of a body: the tree that its nearest points are found by */
 
 #define COARSE_PART (1.0 / (DR_COARSER * DR_COARSER)) /* of the triangles */
@@ -80,12 +80,19 @@ struct sizes {
     bool sewn, coarse, even, touching, self;
 };
 
+/* Cloth that has to be sewn is by any method, see drape_coarse. */
+static bool begins_coarse(const drape_scene_desc *desc, const drape_options *options)
+{
+    bool suits = desc->seams || desc->coarse == DRAPE_COARSE_ON || options->method == DRAPE_METHOD_AUTO;
+    return suits && !dr_scene_without_coarse(desc, desc->seams > 0);
+}
+
 static struct sizes count(const drape_scene_desc *desc, const drape_options *options)
 {
     struct sizes n = {.vertices = (double)desc->vertices,
                       .triangles = (double)desc->triangles,
                       .sewn = desc->seams > 0,
-                      .coarse = !dr_scene_without_coarse(desc, desc->seams > 0),
+                      .coarse = begins_coarse(desc, options),
                       .touching = desc->bodies > 0,
                       .self = keeps_off_itself(desc, options)};
     double least = INFINITY, most = 0;
@@ -211,7 +218,7 @@ static double held_bytes(const struct sizes *n, const drape_scene_desc *desc, co
     if (n->sewn)
         bytes += mesh * n->triangles;
     if (n->coarse)
-        bytes += (COARSE + (n->sewn ? mesh * COARSE_PART : 0)) * n->triangles;
+        bytes += (COARSE + (n->sewn ? 2 : 1) * mesh * COARSE_PART) * n->triangles;
     if (options->fit)
         bytes += FIT * n->triangles;
     for (size_t b = 0; b < desc->bodies; b++)

@@ -631,7 +631,7 @@ static bool at_round_off(struct dr_state *s)
 
 static drape_status assess(struct dr_state *s, drape_error *reterr)
 {
-    if (!s->row.iteration)
+    if (s->h == 0)
         begin(s);
     if (at_round_off(s)) {
         s->gave_up = "the residual force is round-off, and above the tolerance";

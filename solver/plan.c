@@ -78,6 +78,8 @@ static const char *reason_without_coarse(const drape_scene *scene, const drape_o
 {
     if (!scene->coarse)
         return scene->coarse_left_out;
+    if (!scene->pieces && !scene->coarse_asked_for && options->method != DRAPE_METHOD_AUTO)
+        return "auto: nothing has to be sewn";
     return options->max_iterations ? NULL : "only the start is evaluated";
 }
 

@@ -262,7 +262,8 @@ static __attribute__((noinline)) void record(struct dr_state *s)
     s->row.seconds = dr_clock() - sim->began;
     sim->row[sim->rows++] = s->row;
     uint32_t k = s->row.iteration;
-    if (sim->options.preview && sim->scene->coarse && k && !(k & (k - 1))) /* a power of two */
+    bool seen = k <= s->carried; /* as the coarse cloth, or as posted */
+    if (sim->options.preview && sim->scene->coarse && !seen && !(k & (k - 1))) /* a power of two */
         dr_coarse_show(sim, s->x);
     dr_sim_tell(sim, &(drape_progress){DRAPE_PHASE_DRAPING, s->row, sim->report.stops, 0});
 }
@@ -464,6 +465,22 @@ static drape_status iterate(struct dr_state *s, drape_error *reterr)
     }
 }
 
+/* The first row of a run that goes on from the coarse drape at s->x: that of the job's own start, from where
+ * gravity's energy and every drop are told. */
+static void record_start(struct dr_state *s, double *start)
+{
+    double *x = s->x;
+    s->x = start;
+    dr_cloth_energy(s->cloth, s->x, &s->row.energy, s->f);
+    s->row.residual_force = dr_cloth_largest_force(s->cloth, s->f) / s->weight;
+    s->row.residual_energy = NAN;
+    record(s);
+    keep_best(s);
+    s->x = x;
+    s->carried = true;
+    s->row.iteration++;
+}
+
 static void release(struct dr_state *s)
 {
     double *array[] = {s->f, s->v, s->w, s->x_next, s->f_next, s->best};
@@ -479,10 +496,17 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
 {
     double began = dr_clock();
     struct dr_state s = {.sim = sim, .x = x, .method = sim->plan.method, .fresh = true};
+    double *start = x;
     s.row.time_step = sim->options.time_step;
     drape_status status = allocate(&s) ? DRAPE_OK : dr_out_of_memory(reterr);
+    if (status >= 0 && sim->report.coarse_carried && !sim->plan.pieces.mesh) {
+        start = malloc(3 * sim->scene->mesh->nodes * sizeof *start);
+        status = start ? DRAPE_OK : dr_out_of_memory(reterr);
+    }
+    if (status >= 0 && start != x)
+        dr_scene_weld(sim->scene, sim->scene->positions, start);
     if (status >= 0)
-        status = dr_cloth_new(&sim->plan.welded, x, &s.cloth, reterr);
+        status = dr_cloth_new(&sim->plan.welded, start, &s.cloth, reterr);
     if (status >= 0 && s.method->gaps)
         status = dr_gaps_new(s.cloth->contact, s.cloth->self, &s.gaps, reterr);
     if (status >= 0) {
@@ -490,6 +514,10 @@ drape_status dr_relax(struct drape_sim *sim, double *x, drape_error *reterr)
         if (sim->plan.term[DR_TERM_RAMP].kept)
             status = dr_ramp(&s, reterr);
     }
+    if (status >= 0 && start != x)
+        record_start(&s, start);
+    if (start != x)
+        free(start);
     if (status >= 0) {
         dr_cloth_energy(s.cloth, x, &s.row.energy, s.f);
         if (s.cloth->stress)

@@ -5,13 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
 #include "curve.h"
 #include "error.h"
 #include "lines.h"
 #include "ramp.h"
 #include "seam.h"
 
-#define LEAST_CHANGE 1e-9 /* of a length, relative, that makes another pattern */
+#define FLAT         1e-6  /* off its plane, over its extent: rounding of coordinates */
+#define NESTED_FROM  10000 /* triangles of a coarse mesh that has one, too; below, that is too rough */
+#define LEAST_CHANGE 1e-9  /* of a length, relative, that makes another pattern */
 
 drape_scene_desc drape_scene_desc_default(void)
 {
@@ -166,7 +169,7 @@ static drape_status check_numbers(const drape_scene_desc *desc, drape_error *ret
                           "it is not finite and within %g m/s^2", DRAPE_MAX_GRAVITY);
     if (desc->self_contact > DRAPE_SELF_CONTACT_OFF)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "self_contact", "out of range");
-    if (desc->coarse > DRAPE_COARSE_OFF)
+    if (desc->coarse > DRAPE_COARSE_SEWN)
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "coarse", "out of range");
     if (!(desc->thickness >= DRAPE_MIN_THICKNESS && desc->thickness <= DRAPE_MAX_THICKNESS))
         return dr_fail_at(reterr, DRAPE_EINVAL, DRAPE_AT_SCENE, -1, -1, "thickness",
@@ -664,6 +667,44 @@ static bool has_lines(const drape_scene_desc *desc)
 
 /* ---- the coarse mesh ---------------------------------------------------------------------------- */
 
+/* n = (b - a) x (c - a). */
+static void normal_of(const double *a, const double *b, const double *c, double n[3])
+{
+    double u[3], v[3];
+    for (int d = 0; d < 3; d++) {
+        u[d] = b[d] - a[d];
+        v[d] = c[d] - a[d];
+    }
+    n[0] = u[1] * v[2] - u[2] * v[1];
+    n[1] = u[2] * v[0] - u[0] * v[2];
+    n[2] = u[0] * v[1] - u[1] * v[0];
+}
+
+/* All triangles start in one plane. */
+static bool starts_flat(const drape_scene_desc *desc)
+{
+    const double *x = desc->positions;
+    double n[3] = {0}, one[3], extent = 0, off = 0;
+    const double *origin = x + 3 * (size_t)desc->triangle[0];
+    for (size_t t = 0; t < desc->triangles; t++) { /* oriented as the first: their areas add up */
+        const uint32_t *v = desc->triangle + 3 * t;
+        normal_of(x + 3 * (size_t)v[0], x + 3 * (size_t)v[1], x + 3 * (size_t)v[2], one);
+        double sign = n[0] * one[0] + n[1] * one[1] + n[2] * one[2] < 0 ? -1 : 1;
+        for (int d = 0; d < 3; d++)
+            n[d] += sign * one[d];
+    }
+    double size = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    if (!(size > 0))
+        return false; /* collapsed: there is no plane to tell */
+    for (size_t i = 0; i < 3 * desc->triangles; i++) {
+        const double *p = x + 3 * (size_t)desc->triangle[i];
+        double way[3] = {p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]};
+        extent = fmax(extent, sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]));
+        off = fmax(off, fabs(n[0] * way[0] + n[1] * way[1] + n[2] * way[2]) / size);
+    }
+    return off <= FLAT * extent;
+}
+
 const char *dr_scene_without_coarse(const drape_scene_desc *desc, bool sewn)
 {
     if (desc->coarse == DRAPE_COARSE_OFF)
@@ -673,11 +714,15 @@ const char *dr_scene_without_coarse(const drape_scene_desc *desc, bool sewn)
     for (size_t b = 0; b < desc->bodies; b++)
         if (desc->body[b].keyframes)
             return "a body moves";
-    if (desc->coarse == DRAPE_COARSE_AUTO && !sewn)
+    if (desc->coarse == DRAPE_COARSE_ON)
+        return NULL;
+    if (!sewn && desc->coarse == DRAPE_COARSE_SEWN)
         return "auto: nothing has to be sewn";
-    if (desc->coarse == DRAPE_COARSE_AUTO && desc->triangles < DRAPE_COARSE_FROM)
+    if (!sewn && desc->bodies)
+        return "auto: nothing has to be sewn, and there are bodies";
+    if (desc->triangles < DRAPE_COARSE_FROM)
         return "auto: the mesh is coarse itself";
-    return NULL;
+    return sewn || starts_flat(desc) ? NULL : "auto: nothing has to be sewn, and the start is not flat";
 }
 
 /* The scene of the coarse mesh, whose bodies share their fields with those of the fine one. What a fine mesh
@@ -693,7 +738,10 @@ static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
         body[b].field = dr_body_field(scene->body[b]);
     }
     desc.body = body;
-    desc.coarse = DRAPE_COARSE_OFF;
+    if (scene->pieces || desc.triangles < NESTED_FROM)
+        desc.coarse = DRAPE_COARSE_OFF;
+    else
+        desc.coarse = DRAPE_COARSE_AUTO;
     drape_error error;
     drape_status status = drape_scene_new(&desc, &scene->coarse_scene, &error);
     free(body);
@@ -704,9 +752,11 @@ static drape_status compile_coarse(drape_scene *scene, drape_error *reterr)
 static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene, drape_error *reterr)
 {
     drape_status status = DRAPE_OK;
+    double began = dr_clock();
+    scene->coarse_asked_for = desc->coarse == DRAPE_COARSE_ON;
     scene->coarse_left_out = dr_scene_without_coarse(desc, scene->pieces);
     /* A coarse garment locks in the open seams of another, and all would begin anew. */
-    if (!scene->coarse_left_out && desc->coarse == DRAPE_COARSE_AUTO && scene->piece_part)
+    if (!scene->coarse_left_out && desc->coarse != DRAPE_COARSE_ON && scene->piece_part)
         scene->coarse_left_out = "auto: garments are sewn one after the other";
     if (scene->coarse_left_out)
         return DRAPE_OK;
@@ -718,6 +768,7 @@ static drape_status new_coarse(const drape_scene_desc *desc, drape_scene *scene,
         scene->coarse_left_out = "the coarse mesh cannot be sewn";
     if (scene->coarse_left_out)
         scene->coarse = dr_coarse_free(scene->coarse);
+    scene->coarse_seconds = dr_clock() - began;
     return status == DRAPE_EINVAL ? DRAPE_OK : status;
 }
 

@@ -67,6 +67,8 @@ struct drape_scene {
     struct dr_coarse *coarse;    /* the way up from a coarse mesh; NULL: there is none */
     drape_scene *coarse_scene;   /* of it; NULL with coarse */
     const char *coarse_left_out; /* static string: why there is none */
+    bool coarse_asked_for;       /* DRAPE_COARSE_ON */
+    double coarse_seconds;       /* that making both took */
 };
 
 /* Bytes held by the scene, and those of them that only motion, or only the coarse mesh, needs. */

@@ -229,8 +229,10 @@ drape_status dr_sim_run(drape_sim *sim, drape_error *reterr)
         return dr_out_of_memory(reterr);
     omp_set_max_active_levels(0); /* see drape_sim_run in drape.h */
     sim->began = dr_clock();
-    if (sim->plan.term[DR_TERM_COARSE].kept)
+    if (sim->plan.term[DR_TERM_COARSE].kept) {
+        sim->began -= scene->coarse_seconds; /* which only this run needed */
         status = dr_coarse_drape(sim, &carried, reterr);
+    }
     if (status >= 0 && sim->plan.pieces.mesh && !carried)
         status = dr_sew(sim, reterr);
     if (status >= 0) {

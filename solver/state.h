@@ -51,6 +51,7 @@ struct dr_state { /* arrays are 3*nodes */
     double work;         /* J: of the potential forces over the last step, by the trapezoid rule */
     bool moving;         /* velocities may be nonzero */
     bool fresh;          /* no step since the start or the last stop: there is no history */
+    bool carried;        /* the first iteration is the coarse drape carried up */
     uint32_t anchored;   /* iteration at which friction's anchors were taken */
     const char *gave_up; /* why the method can go no further; NULL: it can */
 

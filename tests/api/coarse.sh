@@ -27,6 +27,19 @@ json 'is sewn whole' '.report.plan.left_out | any(.[]; .name == "coarse" and .re
 drape 'a fine one left to itself' auto '.solver.max_iterations = 2' 2400
 json 'is sewn coarse' '.report.coarse | .carried and .triangles < 500'
 
+build/drape example square --triangles 2400 | jq -c '.solver = {method: "auto", coarse: "auto", tolerance: 1e-6}' >"$work/job"
+submit "$work/job"
+check 'a flat sheet is solved' wait_for "$id" succeeded 120
+json 'draped coarse first' '.report.coarse | .carried and .triangles < 500 and .iterations > 1'
+json 'which its seconds hold' '.report.seconds > .report.stages.coarse and .report.stages.coarse > 0'
+request GET "/v1/jobs/$id/trace?format=json"
+json 'the trace begins at its own start' '(.columns | index("potential")) as $e
+    | (.rows[0][$e] | fabs) < 1e-12 and .rows[1][$e] < -0.01 and .rows[0][.columns | index("residual_energy")] == null'
+jq -c '.solver.method = "stop-and-go" | .solver.max_iterations = 1' "$work/job" >"$work/paper"
+submit "$work/paper"
+check 'the same by another method is solved' wait_for "$id" succeeded 120
+json 'is draped as it is' '.report.plan.left_out | any(.[]; .name == "coarse" and .reason == "auto: nothing has to be sewn")'
+
 # ---- the preview -----------------------------------------------------------------------------------
 
 glb_triangles() { # of the file's first chunk, which is JSON
