@@ -36,7 +36,7 @@ def costs: {title: "Iterations and seconds",
         (if .report.plan.kept // [] | any(.name == "certificate") then (if .certified then "yes" else "no" end), .seconds
          else null, null end)]]};
 
-def stages: ["prepare", "sew", "assemble", "factorise", "solve", "move", "certify", "broad-phase", "narrow-phase"];
+def stages: ["coarse", "prepare", "sew", "assemble", "factorise", "solve", "move", "certify", "broad-phase", "narrow-phase"];
 def shares: {title: "Where auto spends its seconds", text: "Share of each stage in the whole, by the job's report.",
     head: (["scene", "seconds"] + stages + ["bytes a triangle"]),
     rows: [$rows[] | . as $row | auto | select(.report) | [$row.scene, .report.seconds]
@@ -44,12 +44,12 @@ def shares: {title: "Where auto spends its seconds", text: "Share of each stage 
         + [.report.peak_bytes / $row.triangles | round]]};
 
 def floors: $floor[0] as $best | {title: "Above the floor",
-    text: "The floor: operations of the factorisations at dgemm's rate (\($best.dgemm_flops / 1e9 | digits(1)) GF/s here, one processor), bytes of the factor read twice by each back-solve at the rate of reading (\($best.stream_bytes / 1e9 | digits(1)) GB/s). Times the floor that auto's stages take, and that the whole takes.",
-    head: ["scene", "factorisations", "back-solves", "floor: factorise, s", "solve, s", "factorise over its floor", "solve over its floor", "whole over both"],
+    text: "The floor: operations of the factorisations at dgemm's rate (\($best.dgemm_flops / 1e9 | digits(1)) GF/s here, one processor), bytes of the factor read twice by each back-solve at the rate of reading (\($best.stream_bytes / 1e9 | digits(1)) GB/s). Times the floor that auto's stages take, and that its iterations take: assembly, factorisations, back-solves and moves.",
+    head: ["scene", "factorisations", "back-solves", "floor: factorise, s", "solve, s", "factorise over its floor", "solve over its floor", "iterations over both"],
     rows: [$rows[] | . as $row | auto | .report | select(.work)
         | (.work.factor_flops / $best.dgemm_flops) as $factor | (.work.solve_bytes / $best.stream_bytes) as $solve
         | [$row.scene, .factorizations, .solves, $factor, $solve, (.stages.factorise | over($factor)),
-            (.stages.solve | over($solve)), (.seconds | over($factor + $solve))]]};
+            (.stages.solve | over($solve)), ([.stages | .assemble, .factorise, .solve, .move] | add | over($factor + $solve))]]};
 
 # Exponent of triangles in auto's seconds, from each size to the next and from the first to the last.
 def exponent($a; $b): ($a | auto | cost("1e-06").seconds) as $from | ($b | auto | cost("1e-06").seconds) as $to
