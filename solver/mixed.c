@@ -73,7 +73,7 @@
 /* With bodies */
 #define MOST_ROUNDS    3    /* of looking again at which gaps the step closes */
 #define MOST_TOUCH     20   /* conjugate gradient steps of a round */
-#define PRECISE_BODIES 1e-3 /* instead of PRECISE */
+#define PRECISE_BODIES 1e-2 /* instead of PRECISE */
 #define GAP_PRECISION  0.3  /* of the preconditioned residual, relative to that of the whole force */
 #define LONGEST_MOVE   0.05 /* m; a longer step is scaled down as a whole */
 #define MOST_STRAIN    0.5  /* likewise */
